@@ -1,0 +1,183 @@
+"""The data that flows between the stages: frozen, keyword-only, activated.
+
+Conventions everywhere in this package:
+
+* quaternions are `wxyz`; rotations act on column vectors;
+* cameras use OpenCV axes (+x right, +y down, +z forward) and pixel centres lie at +0.5;
+* scales are linear standard deviations and opacities are in 0..1 (only `scene/ply.py` knows logs and logits);
+* tensors are float32 torch on the renderer's device, everything measured in images is numpy.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Gaussians:
+    """A set of N anisotropic Gaussians in world space."""
+
+    means: torch.Tensor
+    """Centres [scene unit], shape (N, 3)."""
+    quats_wxyz: torch.Tensor
+    """Unit rotations, shape (N, 4)."""
+    scales: torch.Tensor
+    """Standard deviations along the rotated axes [scene unit], > 0, shape (N, 3)."""
+    opacities: torch.Tensor
+    """Peak opacities in (0, 1), shape (N,)."""
+    sh_coeffs: torch.Tensor
+    """Raw spherical-harmonic colour coefficients, shape (N, K, 3), K in {1, 4, 9, 16}; colour = SH(direction) + 0.5."""
+
+    def __len__(self) -> int:
+        return len(self.means)
+
+    def posed(self, means: torch.Tensor, quats_wxyz: torch.Tensor) -> "Gaussians":
+        """Return the same Gaussians at other centres and rotations."""
+        return dataclasses.replace(self, means=means, quats_wxyz=quats_wxyz)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Camera:
+    """A pinhole camera."""
+
+    cam_from_world: np.ndarray
+    """World to camera, OpenCV axes, float64, shape (4, 4)."""
+    intrinsics: np.ndarray
+    """Pinhole matrix [px], pixel centres at +0.5, float64, shape (3, 3)."""
+    width_px: int
+    """Image width [px]."""
+    height_px: int
+    """Image height [px]."""
+    name: str = ""
+    """Where the camera comes from, for messages: usually the image's file name."""
+
+    @property
+    def position(self) -> np.ndarray:
+        """Camera centre in world space [scene unit], shape (3,)."""
+        rotation, translation = self.cam_from_world[:3, :3], self.cam_from_world[:3, 3]
+        return -rotation.T @ translation
+
+    def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Project world points.
+
+        Args:
+            points: World positions [scene unit], shape (M, 3).
+
+        Returns:
+            Pixel positions (pixel centres at +0.5), shape (M, 2), and depths along +z [scene unit], shape (M,).
+        """
+        in_camera = points @ self.cam_from_world[:3, :3].T + self.cam_from_world[:3, 3]
+        depths = in_camera[:, 2]
+        safe = np.where(np.abs(depths) < 1e-9, 1e-9, depths)
+        homogeneous = in_camera @ self.intrinsics.T
+        return homogeneous[:, :2] / safe[:, None], depths
+
+    def with_pose(self, cam_from_world: np.ndarray) -> "Camera":
+        """Return the same lens at another pose."""
+        return dataclasses.replace(self, cam_from_world=np.asarray(cam_from_world, np.float64))
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Frames:
+    """The clip to animate: T images of one size, in order."""
+
+    images: np.ndarray
+    """sRGB, straight (not premultiplied), uint8, shape (T, H, W, 3)."""
+    alphas: np.ndarray
+    """Foreground coverage, uint8 0..255, shape (T, H, W)."""
+    numbers: tuple[int, ...]
+    """The original frame numbers, strictly increasing, length T."""
+    names: tuple[str, ...]
+    """File names (or `video.mp4#12`), for messages, length T."""
+    fps: float
+    """Frames per second."""
+
+    def __len__(self) -> int:
+        return len(self.images)
+
+    def take(self, indices: Sequence[int]) -> "Frames":
+        """Return the frames at the given positions, in that order."""
+        index = list(indices)
+        return dataclasses.replace(
+            self,
+            images=self.images[index],
+            alphas=self.alphas[index],
+            numbers=tuple(self.numbers[i] for i in index),
+            names=tuple(self.names[i] for i in index),
+        )
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Matches:
+    """Pixel correspondences from a source image to a target image."""
+
+    source_px: np.ndarray
+    """Positions in the source image, pixel centres at +0.5, float32, shape (M, 2)."""
+    target_px: np.ndarray
+    """Positions in the target image, pixel centres at +0.5, float32, shape (M, 2)."""
+    confidences: np.ndarray
+    """Trust in each match, 0..1, float32, shape (M,)."""
+
+    def __len__(self) -> int:
+        return len(self.source_px)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class GaussianMatches:
+    """Gaussian-to-pixel correspondences: where in the frame each matched Gaussian should project."""
+
+    gaussian_ids: np.ndarray
+    """Indices of Gaussians, each at most once, int64, shape (M,)."""
+    target_px: np.ndarray
+    """Pixel position in the frame, pixel centres at +0.5, float64, shape (M, 2)."""
+    confidences: np.ndarray
+    """Trust in each match, 0..1, float64, shape (M,)."""
+
+    def __len__(self) -> int:
+        return len(self.gaussian_ids)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Anchors:
+    """The control points of the deformation, fixed in the rest pose for the whole clip."""
+
+    positions: torch.Tensor
+    """Rest positions [scene unit], shape (A, 3)."""
+    spacing: float
+    """Voxel size the anchors were averaged over [scene unit]."""
+    skin_ids: torch.Tensor
+    """The anchors each Gaussian follows, int32, shape (N, 4)."""
+    skin_weights: torch.Tensor
+    """Their weights, >= 0, rows sum to 1, no anchor twice with positive weight, shape (N, 4)."""
+    edges: torch.Tensor
+    """Directed neighbour pairs (i, j) of the anchor graph, both directions present, int64, shape (E, 2)."""
+    edge_weights: torch.Tensor
+    """Weight of each edge, mean 1, shape (E,)."""
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class AnchorPoses:
+    """One pose of all anchors: a rest point x near anchor k goes to R_k (x - a_k) + a_k + T_k (paper Eq. 2)."""
+
+    quats_wxyz: torch.Tensor
+    """Rotations R_k from rest, unit, shape (A, 4)."""
+    translations: torch.Tensor
+    """Translations T_k from rest [scene unit], shape (A, 3)."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class RigidGroups:
+    """Rigid parts of the object."""
+
+    labels: np.ndarray
+    """Group of each Gaussian, -1 for none, int64, shape (N,)."""
+
+    @property
+    def count(self) -> int:
+        """Number of groups."""
+        return int(self.labels.max(initial=-1)) + 1
