@@ -1,0 +1,100 @@
+"""The mesh that carries the skin: one oriented quad a Gaussian, the same in every format.
+
+Neither USD nor glTF defines skinning of splats, but every tool skins a mesh. Quad i has the vertices
+4i .. 4i+3, all four bound like Gaussian i: their mean is the Gaussian's center in every pose, and their
+edges follow the rotation (and the shear) that linear blend skinning gives the neighborhood.
+"""
+
+import dataclasses
+import math
+
+import numpy as np
+
+from exporters import quaternions
+from exporters.clip import Splats
+
+HALF_SIZE_SIGMAS = math.sqrt(math.pi / 2)
+"""Half the side of a quad, in standard deviations along each axis.
+
+A quad of constant opacity then covers as much as its Gaussian: (2 h)^2 = 2 pi, the integral of
+exp(-(u^2 + v^2) / 2) over the plane.
+"""
+
+VERTICES_PER_SPLAT = 4
+
+SH_C0 = 0.28209479177387814  # Y_0^0 = 1 / (2 sqrt(pi))
+
+# Counter-clockwise as seen from the tip of the normal, in half sides along the two quad axes.
+_CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], dtype=np.float32)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class CarrierMesh:
+    """Oriented quads in the rest pose, N of them."""
+
+    positions: np.ndarray
+    """Vertices [scene unit], float32, shape (4N, 3)."""
+    normals: np.ndarray
+    """Unit normals: the axis of the smallest scale, counter-clockwise side, float32, shape (4N, 3)."""
+    quads: np.ndarray
+    """Vertex indices of each quad, counter-clockwise about its normal, int32, shape (N, 4)."""
+    colors_linear: np.ndarray
+    """Linear Rec. 709 colors 0..1 of the constant SH term, float32, shape (4N, 3)."""
+    opacities: np.ndarray
+    """Opacities 0..1, float32, shape (4N,)."""
+
+    @property
+    def triangles(self) -> np.ndarray:
+        """The quads cut along the diagonal 0-2, int32, shape (2N, 3)."""
+        return self.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+
+
+def carrier_quads(splats: Splats) -> CarrierMesh:
+    """Span one quad a Gaussian by its two largest axes.
+
+    Args:
+        splats: The Gaussians at rest, N of them.
+
+    Returns:
+        Quad i for Gaussian i, sides of `2 * HALF_SIZE_SIGMAS` standard deviations.
+    """
+    count = len(splats)
+    axes = quaternions.to_matrices(splats.quats_wxyz)
+    # Stable, so that equal scales choose the same axes on every machine.
+    order = np.argsort(-splats.scales, axis=1, kind="stable")
+    rows = np.arange(count)
+    first = axes[rows, :, order[:, 0]]
+    second = axes[rows, :, order[:, 1]]
+    sides = np.stack(
+        [
+            first * splats.scales[rows, order[:, 0], None],
+            second * splats.scales[rows, order[:, 1], None],
+        ],
+        axis=1,
+    )
+    offsets = np.float32(HALF_SIZE_SIGMAS) * np.einsum("ca,nax->ncx", _CORNERS, sides)
+    vertices = splats.positions[:, None, :] + offsets
+    indices = np.arange(VERTICES_PER_SPLAT * count, dtype=np.int32)
+    return CarrierMesh(
+        positions=np.ascontiguousarray(vertices.reshape(-1, 3), dtype=np.float32),
+        normals=per_vertex(np.cross(first, second).astype(np.float32)),
+        quads=indices.reshape(-1, VERTICES_PER_SPLAT),
+        colors_linear=per_vertex(base_colors_linear(splats)),
+        opacities=per_vertex(splats.opacities),
+    )
+
+
+def per_vertex(per_splat: np.ndarray) -> np.ndarray:
+    """Repeat one row a Gaussian for the four vertices of its quad, (N, ...) to (4N, ...)."""
+    return np.repeat(per_splat, VERTICES_PER_SPLAT, axis=0)
+
+
+def base_colors_linear(splats: Splats) -> np.ndarray:
+    """Return the direction-independent color of each Gaussian, linear Rec. 709 0..1, shape (N, 3).
+
+    Splats are trained on sRGB images, so that 0.5 + C0 * sh_0 is an sRGB value (the fallback color that
+    KHR_gaussian_splatting prescribes); mesh colors are linear in glTF and in USD (IEC 61966-2-1 decoding).
+    """
+    srgb = np.clip(0.5 + SH_C0 * splats.sh_coeffs[:, 0, :], 0.0, 1.0)
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+    return linear.astype(np.float32)
