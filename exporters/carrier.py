@@ -1,8 +1,8 @@
 """The mesh that carries the skin: one oriented quad a Gaussian, the same in every format.
 
-Neither USD nor glTF defines skinning of splats, but every tool skins a mesh. Quad i has the vertices
-4i .. 4i+3, all four bound like Gaussian i: their mean is the Gaussian's center in every pose, and their
-edges follow the rotation (and the shear) that linear blend skinning gives the neighborhood.
+Neither USD nor glTF defines skinning of splats, but every tool skins a mesh. Quad i has the
+vertices 4i .. 4i+3, all four bound like Gaussian i: their mean is the Gaussian's center in every
+pose, and their edges follow the rotation (and the shear) that linear blend skinning gives there.
 """
 
 import dataclasses
@@ -35,7 +35,7 @@ class CarrierMesh:
     positions: np.ndarray
     """Vertices [scene unit], float32, shape (4N, 3)."""
     normals: np.ndarray
-    """Unit normals: the axis of the smallest scale, counter-clockwise side, float32, shape (4N, 3)."""
+    """Unit normals along the axis of the smallest scale, float32, shape (4N, 3)."""
     quads: np.ndarray
     """Vertex indices of each quad, counter-clockwise about its normal, int32, shape (N, 4)."""
     colors_linear: np.ndarray
@@ -92,8 +92,9 @@ def per_vertex(per_splat: np.ndarray) -> np.ndarray:
 def base_colors_linear(splats: Splats) -> np.ndarray:
     """Return the direction-independent color of each Gaussian, linear Rec. 709 0..1, shape (N, 3).
 
-    Splats are trained on sRGB images, so that 0.5 + C0 * sh_0 is an sRGB value (the fallback color that
-    KHR_gaussian_splatting prescribes); mesh colors are linear in glTF and in USD (IEC 61966-2-1 decoding).
+    Splats are trained on sRGB images, so that 0.5 + C0 * sh_0 is an sRGB value (the fallback color
+    that KHR_gaussian_splatting prescribes); mesh colors are linear in glTF and in USD, hence the
+    decoding of IEC 61966-2-1.
     """
     srgb = np.clip(0.5 + SH_C0 * splats.sh_coeffs[:, 0, :], 0.0, 1.0)
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
