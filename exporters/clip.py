@@ -5,14 +5,24 @@ from typing import Literal
 
 import numpy as np
 
-from exporters import quaternions
 from exporters.errors import ClipError
 
 
 def _freeze(instance: object, **dtypes: type) -> None:
-    """Replace the named array fields by contiguous read-only copies of the given type."""
+    """Replace the named array fields by contiguous read-only copies of the given type.
+
+    Raises:
+        ClipError: If a field is not an array of numbers, or integers are given as fractions.
+    """
     for name, dtype in dtypes.items():
-        array = np.array(getattr(instance, name), dtype=dtype, order="C")
+        given = getattr(instance, name)
+        where = f"{type(instance).__name__}.{name}"
+        try:
+            array = np.array(given, dtype=dtype, order="C")
+        except (TypeError, ValueError) as error:
+            raise ClipError(f"{where}: expected an array of {dtype.__name__}, {error}") from error
+        if np.issubdtype(dtype, np.integer) and not np.array_equal(array, np.asarray(given)):
+            raise ClipError(f"{where}: expected whole numbers that fit {dtype.__name__}")
         array.flags.writeable = False
         object.__setattr__(instance, name, array)
 
@@ -22,7 +32,7 @@ class Splats:
     """The Gaussians in the rest pose, activated."""
 
     positions: np.ndarray
-    """Centres [scene unit], float32, shape (N, 3)."""
+    """Centers [scene unit], float32, shape (N, 3)."""
     quats_wxyz: np.ndarray
     """Unit rotations, float32, shape (N, 4)."""
     scales: np.ndarray
@@ -48,7 +58,7 @@ class Splats:
     @property
     def sh_degree(self) -> int:
         """Degree of the spherical harmonics, 0..3."""
-        return int(round(np.sqrt(self.sh_coeffs.shape[1]))) - 1
+        return round(float(np.sqrt(self.sh_coeffs.shape[1]))) - 1
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -84,7 +94,7 @@ class Skin:
     """Which joints each Gaussian follows."""
 
     joint_ids: np.ndarray
-    """Joints of each Gaussian, int32, shape (N, 4); an unused influence has joint 0 and weight 0."""
+    """Joints of each Gaussian, int32, shape (N, 4); unused ones have joint 0 and weight 0."""
     weights: np.ndarray
     """Weights, >= 0, rows sum to 1, no joint twice with positive weight, float32, shape (N, 4)."""
 
@@ -132,7 +142,7 @@ class Posed:
     """The Gaussians at one moment."""
 
     positions: np.ndarray
-    """Centres [scene unit], float32, shape (N, 3)."""
+    """Centers [scene unit], float32, shape (N, 3)."""
     quats_wxyz: np.ndarray
     """Unit rotations, float32, shape (N, 4)."""
 
@@ -153,4 +163,54 @@ class Clip:
     up_axis: Literal["Y", "Z"] = "Y"
     meters_per_unit: float = 1.0
     source_frames: tuple[int, ...] = ()
-    """Original number of the frame each key was solved from, -1 for an in-between, length T or 0."""
+    """Original frame number each key was solved from, -1 for an in-between, length T or 0."""
+
+    def validate(self) -> None:
+        """Check every promise the fields' docstrings make.
+
+        Raises:
+            ClipError: Listing all problems found, one a line.
+        """
+        from exporters.validation import find_problems  # imports the types above
+
+        problems = find_problems(self)
+        if problems:
+            lines = "".join(f"\n  - {problem}" for problem in problems)
+            raise ClipError(f"clip {self.name!r} is not usable; {len(problems)} found:{lines}")
+
+    def bind_matrices(self) -> np.ndarray:
+        """Return world-from-joint at rest, for column vectors, float64, shape (J, 4, 4)."""
+        from exporters import posing
+
+        return posing.world_matrices(self.rig, self.rig.rest_translations, self.rig.rest_quats_wxyz)
+
+    def joint_matrices_at(self, time_s: float) -> np.ndarray:
+        """Return world-from-joint at one time, for column vectors, float64, shape (J, 4, 4)."""
+        from exporters import keyframes, posing
+
+        return posing.world_matrices(self.rig, *keyframes.interpolate(self.tracks, time_s))
+
+    def pose_at(self, time_s: float) -> Posed:
+        """Pose the Gaussians: the truth that every exported file is compared with.
+
+        Joint tracks are interpolated parent-locally (translations linearly, rotations by slerp
+        along the shorter arc, as UsdSkel and glTF do), and held outside the keys. Centers follow
+        linear blend skinning; rotations follow the normalized weighted sum of the joints'
+        rest-to-posed rotations, applied on the left of the rest rotation.
+
+        Joints are computed in float64, Gaussians in float32: a center is exact to a few roundings
+        of its largest coordinate (about 3e-7 of it).
+
+        Args:
+            time_s: Time [s] on the clock of `tracks.times_s`.
+        """
+        from exporters import posing
+
+        skin_matrices = self.joint_matrices_at(time_s) @ np.linalg.inv(self.bind_matrices())
+        return posing.skin_splats(self.splats, self.skin, skin_matrices)
+
+    def extent_at(self, time_s: float) -> np.ndarray:
+        """Return the box around the 3-sigma ellipsoids [scene unit], min and max, shape (2, 3)."""
+        from exporters import bounds
+
+        return bounds.ellipsoid_extent(self.pose_at(time_s), self.splats.scales)
