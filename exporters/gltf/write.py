@@ -1,0 +1,115 @@
+"""A `Clip` to .glb, or to .gltf with its .bin beside it."""
+
+from pathlib import Path
+from urllib.parse import quote
+
+import pygltflib
+
+from exporters.atomic import replacing
+from exporters.clip import Clip
+from exporters.coordinates import to_y_up_meters
+from exporters.errors import ClipError
+from exporters.gltf.animation import NodeTracks, add_animation
+from exporters.gltf.buffers import BinaryBuffer
+from exporters.gltf.camera import add_camera
+from exporters.gltf.carrier_mesh import add_carrier_mesh, add_material
+from exporters.gltf.options import GltfOptions
+from exporters.gltf.skeleton import add_joints, add_skin
+from exporters.gltf.splats import REST_SPLATS_NAME, add_splat_mesh
+
+GENERATOR = "Splatimate"
+
+
+def write_gltf(clip: Clip, path: Path, options: GltfOptions | None = None) -> tuple[Path, ...]:
+    """Write the rigged asset as glTF 2.0.
+
+    The default scene holds the skeleton below a node of the clip's name, the skinned carrier mesh
+    and the solved camera; a second scene, `rest_splats`, the exact splats at rest.
+
+    Args:
+        clip: What to write, any up axis and unit; the file is Y-up, in meters and seconds.
+        path: Target, `.glb` (one file) or `.gltf` (with a `.bin` beside it).
+        options: Choices; None for the defaults.
+
+    Returns:
+        The files written, the one to open first.
+
+    Raises:
+        ClipError: If the clip is not valid, or the suffix is not glTF's.
+        WriteError: If a file cannot be written; no partial file remains.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in (".glb", ".gltf"):
+        raise ClipError(f"{path}: expected a name ending in .glb or .gltf, got {path.suffix!r}")
+    clip.validate()
+    document, blob = build_document(to_y_up_meters(clip), options or GltfOptions())
+    if suffix == ".glb":
+        document.set_binary_blob(blob)
+        with replacing(path) as partial:
+            document.save_binary(partial)
+        return (path,)
+    blob_path = path.with_suffix(".bin")
+    document.buffers[0].uri = quote(blob_path.name)
+    # The document appears last: whoever sees it finds its buffer in place.
+    with replacing(path) as partial:
+        partial.write_text(document.gltf_to_json(), encoding="utf-8")
+        with replacing(blob_path) as partial_blob:
+            partial_blob.write_bytes(blob)
+    return path, blob_path
+
+
+def build_document(clip: Clip, options: GltfOptions) -> tuple[pygltflib.GLTF2, bytes]:
+    """Describe a clip as glTF objects and one binary buffer.
+
+    Args:
+        clip: A valid clip, Y-up, in meters.
+        options: What to include.
+
+    Returns:
+        The document, whose only buffer has no uri yet, and the bytes of that buffer.
+    """
+    document = pygltflib.GLTF2(asset=pygltflib.Asset(generator=GENERATOR), scene=0)
+    buffer = BinaryBuffer(document)
+
+    joint_nodes = add_joints(document, clip.rig)
+    tracks = [_joint_tracks(clip, joint_nodes)]
+    children = [joint_nodes[0]]
+    if clip.camera is not None:
+        tracks.append(add_camera(document, clip, clip.camera))
+        children += tracks[-1].nodes
+    root = _add_node(document, pygltflib.Node(name=clip.name, children=children))
+
+    material = add_material(document, options.alpha_cutoff)
+    carrier = pygltflib.Node(
+        name="carrier",
+        mesh=add_carrier_mesh(document, buffer, clip, material),
+        skin=add_skin(document, buffer, clip, joint_nodes),
+    )
+    # A skinned mesh ignores its parents (glTF 2.0, section 3.7.3.2), hence at the scene's root.
+    nodes = [root, _add_node(document, carrier)]
+    document.scenes.append(pygltflib.Scene(name=clip.name, nodes=nodes))
+
+    extras = {"fps": float(clip.fps), "source_frames": [int(i) for i in clip.source_frames]}
+    add_animation(document, buffer, clip.tracks.times_s, tracks, extras)
+
+    if options.rest_splats:
+        mesh = add_splat_mesh(document, buffer, clip.splats, material)
+        splats = _add_node(document, pygltflib.Node(name=REST_SPLATS_NAME, mesh=mesh))
+        document.scenes.append(pygltflib.Scene(name=REST_SPLATS_NAME, nodes=[splats]))
+    return document, buffer.finish()
+
+
+def _add_node(document: pygltflib.GLTF2, node: pygltflib.Node) -> int:
+    document.nodes.append(node)
+    return len(document.nodes) - 1
+
+
+def _joint_tracks(clip: Clip, joint_nodes: list[int]) -> NodeTracks:
+    return NodeTracks(
+        nodes=joint_nodes,
+        translations=clip.tracks.translations,
+        quats_wxyz=clip.tracks.quats_wxyz,
+        rest_translations=clip.rig.rest_translations,
+        rest_quats_wxyz=clip.rig.rest_quats_wxyz,
+    )

@@ -1,0 +1,82 @@
+"""The official validators: Khronos gltf-validator (through node) and UsdValidation.
+
+They are part of the test suite: where one is missing the tests fail, they are not skipped.
+"""
+
+import dataclasses
+import json
+import shutil
+import subprocess
+from pathlib import Path
+
+NPM_FOLDER = Path(__file__).parents[1] / "npm"
+
+_SEVERITIES = ("error", "warning", "info", "hint")
+
+
+@dataclasses.dataclass(frozen=True, order=True)
+class Issue:
+    """One finding of the glTF validator."""
+
+    severity: str
+    code: str
+    pointer: str
+    message: str = dataclasses.field(compare=False)
+
+
+class ValidatorMissingError(RuntimeError):
+    """A validator cannot run here; the message says what to install."""
+
+
+def gltf_issues(path: Path) -> list[Issue]:
+    """Return everything the Khronos validator says about one .glb or .gltf file, sorted."""
+    node = _program("node")
+    _install_validator()
+    script = NPM_FOLDER / "validate_gltf.cjs"
+    result = subprocess.run([node, script, path], capture_output=True, text=True, check=False)
+    if result.returncode != 0:
+        raise ValidatorMissingError(f"gltf-validator did not run on {path}:\n{result.stderr}")
+    (report,) = json.loads(result.stdout)
+    assert not report["issues"]["truncated"], "raise maxIssues in validate_gltf.cjs"
+    return sorted(
+        Issue(
+            severity=_SEVERITIES[message["severity"]],
+            code=message["code"],
+            pointer=message.get("pointer", ""),
+            message=message["message"],
+        )
+        for message in report["issues"]["messages"]
+    )
+
+
+def usd_errors(path: Path) -> list[str]:
+    """Return every finding of all validators that ship with USD about one stage."""
+    from pxr import Usd, UsdValidation
+
+    stage = Usd.Stage.Open(str(path))
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    findings = UsdValidation.ValidationContext(validators).Validate(stage)
+    return [f"{finding.GetName()}: {finding.GetMessage()}" for finding in findings]
+
+
+def _install_validator() -> None:
+    """Install the pinned validator on first use."""
+    if (NPM_FOLDER / "node_modules" / "gltf-validator").is_dir():
+        return
+    command = [_program("npm"), "ci", "--no-audit", "--no-fund"]
+    result = subprocess.run(command, cwd=NPM_FOLDER, capture_output=True, text=True, check=False)
+    if result.returncode != 0:
+        raise ValidatorMissingError(
+            f"the glTF validator could not be installed; run `npm ci` once in {NPM_FOLDER}, where "
+            f"the npm registry can be reached.\n{result.stderr}"
+        )
+
+
+def _program(name: str) -> str:
+    found = shutil.which(name)
+    if found is None:
+        raise ValidatorMissingError(
+            f"{name} is not on the PATH; the glTF tests run Khronos' validator: install Node.js 18 "
+            "or newer (https://nodejs.org or your package manager), which brings node and npm"
+        )
+    return found
