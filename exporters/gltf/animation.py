@@ -9,9 +9,6 @@ from exporters.gltf.buffers import BinaryBuffer
 from exporters.gltf.order import xyzw
 from exporters.keyframes import align_signs
 
-# A few float32 rounding steps: a track this close to rest does not move.
-_SAME = 1e-6
-
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class NodeTracks:
@@ -74,18 +71,20 @@ def add_animation(
 
 
 def _moving_channels(track: NodeTracks) -> list[tuple[str, list[int], np.ndarray]]:
-    """Return (path, nodes, key values of shape (M', T, D)) of translations and of rotations."""
-    sizes = np.maximum(1.0, np.abs(track.rest_translations))
-    shifted = np.abs(track.translations - track.rest_translations) > _SAME * sizes
-    # Compare components: the cosine between two quaternions is flat near 1 and hides small angles.
+    """Return (path, nodes, key values of shape (M', T, D)) of translations and of rotations.
+
+    A property moves if one of its keys differs from rest as the file stores them, in float32.
+    """
     rest_wxyz = np.broadcast_to(track.rest_quats_wxyz, track.quats_wxyz.shape)
-    rotated = np.abs(align_signs(track.quats_wxyz, rest_wxyz) - rest_wxyz) > _SAME
-    translations = np.ascontiguousarray(track.translations.swapaxes(0, 1), dtype=np.float32)
-    rotations_xyzw = xyzw(track.quats_wxyz.swapaxes(0, 1))
+    near_rest_wxyz = align_signs(track.quats_wxyz, rest_wxyz)
+    rotated = (xyzw(near_rest_wxyz) != xyzw(rest_wxyz)).any(axis=(0, 2))
+    translations = track.translations.astype(np.float32)
+    shifted = (translations != track.rest_translations.astype(np.float32)).any(axis=(0, 2))
     channels = []
     for path, moves, values in (
-        ("translation", shifted.any(axis=(0, 2)), translations),
-        ("rotation", rotated.any(axis=(0, 2)), rotations_xyzw),
+        ("translation", shifted, translations),
+        ("rotation", rotated, xyzw(track.quats_wxyz)),
     ):
-        channels.append((path, [track.nodes[i] for i in np.flatnonzero(moves)], values[moves]))
+        nodes = [track.nodes[i] for i in np.flatnonzero(moves)]
+        channels.append((path, nodes, values[:, moves].swapaxes(0, 1)))
     return channels
