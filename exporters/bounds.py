@@ -3,17 +3,24 @@
 import numpy as np
 
 from exporters import quaternions
-from exporters.clip import Posed
+from exporters.clip import Clip, Posed
 
 EXTENT_SIGMAS = (
     3.0  # the support of ParticleFieldKernelGaussianEllipsoidAPI, and of INRIA's renderer
 )
 
 
-def ellipsoid_extent(posed: Posed, scales: np.ndarray) -> np.ndarray:
-    """Return the tight box around the 3-sigma ellipsoids.
+def ellipsoid_half_widths(posed: Posed, scales: np.ndarray) -> np.ndarray:
+    """Return half the widths of the tight boxes around the 3-sigma ellipsoids, shape (N, 3).
 
     The half width of an ellipsoid with axes `R diag(s)` along a world axis is the norm of that row.
+    """
+    axes = quaternions.to_matrices(posed.quats_wxyz) * scales[:, None, :]
+    return EXTENT_SIGMAS * np.sqrt(np.einsum("nij,nij->ni", axes, axes))
+
+
+def ellipsoid_extent(posed: Posed, scales: np.ndarray) -> np.ndarray:
+    """Return the tight box around the 3-sigma ellipsoids.
 
     Args:
         posed: Centers and rotations.
@@ -22,8 +29,46 @@ def ellipsoid_extent(posed: Posed, scales: np.ndarray) -> np.ndarray:
     Returns:
         Rows min and max [scene unit], float32, shape (2, 3).
     """
-    axes = quaternions.to_matrices(posed.quats_wxyz) * scales[:, None, :]
-    half_widths = EXTENT_SIGMAS * np.sqrt(np.einsum("nij,nij->ni", axes, axes))
+    half_widths = ellipsoid_half_widths(posed, scales)
     low = (posed.positions - half_widths).min(axis=0)
     high = (posed.positions + half_widths).max(axis=0)
     return np.stack([low, high]).astype(np.float32)
+
+
+def point_extent(points: np.ndarray) -> np.ndarray:
+    """Return the box around points, rows min and max, shape (2, 3)."""
+    return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
+def swept_extent(clip: Clip) -> np.ndarray:
+    """Return a box that holds the carrier and the 3-sigma ellipsoids, skinned, at all keys.
+
+    It need not pose the Gaussians: a skinned point is a mean of where its joints alone would take
+    it, so it lies within the boxes of what each joint moves, taken along by the joint. The box is
+    therefore wider than the tightest one.
+
+    Returns:
+        Rows min and max [scene unit], float32, shape (2, 3).
+    """
+    rest = Posed(positions=clip.splats.positions, quats_wxyz=clip.splats.quats_wxyz)
+    half_widths = ellipsoid_half_widths(rest, clip.splats.scales)
+    corners = _joint_corners(clip, rest.positions - half_widths, rest.positions + half_widths)
+    is_used = np.isfinite(corners).all(axis=(1, 2))
+    inverse_bind = np.linalg.inv(clip.bind_matrices())
+    swept = []
+    for time_s in clip.tracks.times_s:
+        affine = (clip.joint_matrices_at(time_s) @ inverse_bind)[is_used, :3]
+        moved = np.einsum("jxy,jcy->jcx", affine[:, :, :3], corners[is_used])
+        swept.append(point_extent((moved + affine[:, None, :, 3]).reshape(-1, 3)))
+    return point_extent(np.concatenate(swept)).astype(np.float32)
+
+
+def _joint_corners(clip: Clip, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return the corners of the rest box of what each joint moves, infinite if nothing, (J, 8, 3)."""
+    boxes = np.full((2, len(clip.rig), 3), [[[np.inf]], [[-np.inf]]])
+    rows, influences = np.nonzero(clip.skin.weights > 0)
+    joint_ids = clip.skin.joint_ids[rows, influences]
+    np.minimum.at(boxes[0], joint_ids, low[rows])
+    np.maximum.at(boxes[1], joint_ids, high[rows])
+    sides = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(8, 3)
+    return boxes[sides, :, np.arange(3)].transpose(2, 0, 1)

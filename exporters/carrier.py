@@ -96,6 +96,8 @@ def base_colors_linear(splats: Splats) -> np.ndarray:
     that KHR_gaussian_splatting prescribes); mesh colors are linear in glTF and in USD, hence the
     decoding of IEC 61966-2-1.
     """
-    srgb = np.clip(0.5 + SH_C0 * splats.sh_coeffs[:, 0, :], 0.0, 1.0)
+    # In float64, so that every processor rounds the power to the same float32.
+    constant = splats.sh_coeffs[:, 0, :].astype(np.float64)
+    srgb = np.clip(0.5 + SH_C0 * constant, 0.0, 1.0)
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
     return linear.astype(np.float32)

@@ -128,11 +128,15 @@ def _metadata_json(clip: Clip) -> str:
     metadata |= {field: getattr(clip, field) for field in _PLAIN_FIELDS}
     for part_name in _PARTS:
         part = getattr(clip, part_name)
-        metadata[part_name] = part and {
-            field: value
-            for field, value in _fields(part).items()
-            if not isinstance(value, np.ndarray)
-        }
+        metadata[part_name] = (
+            None
+            if part is None
+            else {
+                field: value
+                for field, value in _fields(part).items()
+                if not isinstance(value, np.ndarray)
+            }
+        )
     return json.dumps(metadata, sort_keys=True, ensure_ascii=False, default=_plain_number)
 
 

@@ -1,0 +1,1 @@
+"""Gaussians as PLY files in the layout of the INRIA trainer, one a frame."""

@@ -1,0 +1,1 @@
+"""Clips as USD: a skinned asset, and a cache of time-sampled Gaussians."""

@@ -1,0 +1,40 @@
+"""The rig as a UsdSkel Skeleton, and its tracks as a SkelAnimation."""
+
+import numpy as np
+from pxr import Usd, UsdSkel
+
+from exporters import keyframes, posing
+from exporters.clip import Clip
+from exporters.usd import names, values
+
+
+def define_skeleton(stage: Usd.Stage, clip: Clip, path: str) -> UsdSkel.Skeleton:
+    """Define a Skeleton at `path` and the SkelAnimation that drives it below.
+
+    `restTransforms` are joint-local, `bindTransforms` in world space. `scales` are authored though
+    all are one: without them Blender drops the animation without a word.
+
+    Returns:
+        The skeleton, bound to its animation.
+    """
+    rig = clip.rig
+    joints = values.tokens(names.joint_paths(rig.joint_names, rig.parents.tolist()))
+    skeleton = UsdSkel.Skeleton.Define(stage, path)
+    skeleton.CreateJointsAttr(joints)
+    skeleton.CreateJointNamesAttr(values.tokens(rig.joint_names))
+    skeleton.CreateBindTransformsAttr(values.matrices(clip.bind_matrices()))
+    rest_matrices = posing.local_matrices(rig.rest_translations, rig.rest_quats_wxyz)
+    skeleton.CreateRestTransformsAttr(values.matrices(rest_matrices))
+
+    animation = UsdSkel.Animation.Define(stage, f"{path}/Anim")
+    animation.CreateJointsAttr(joints)
+    animation.CreateScalesAttr(values.half_vectors(np.ones((len(rig), 3))))
+    translations = animation.CreateTranslationsAttr()
+    rotations = animation.CreateRotationsAttr()
+    for key, code in enumerate(keyframes.key_codes(clip)):
+        translations.Set(values.vectors(clip.tracks.translations[key]), float(code))
+        rotations.Set(values.quats(clip.tracks.quats_wxyz[key]), float(code))
+
+    binding = UsdSkel.BindingAPI.Apply(skeleton.GetPrim())
+    binding.CreateAnimationSourceRel().SetTargets([animation.GetPath()])
+    return skeleton

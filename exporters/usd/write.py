@@ -1,0 +1,49 @@
+"""A clip as a skinned USD asset."""
+
+from pathlib import Path
+
+from pxr import UsdSkel
+
+from exporters import bounds
+from exporters.clip import Clip
+from exporters.usd import values
+from exporters.usd.camera import define_camera
+from exporters.usd.carrier_mesh import define_carrier_mesh
+from exporters.usd.skeleton import define_skeleton
+from exporters.usd.stage import define_root, writing_stage
+
+
+def write_usd_rig(clip: Clip, path: str | Path) -> tuple[Path, ...]:
+    """Write skeleton, animation, skinned carrier mesh and camera.
+
+    ```
+    /Name            SkelRoot, default prim, kind component, extent of the whole motion
+      /Skel          Skeleton
+        /Anim        SkelAnimation, sampled at the clip's keys
+      /Carrier       Mesh, one quad a Gaussian, four influences a point
+      /Camera        Camera, if the clip has one
+    ```
+
+    Time codes are `times_s * fps` from 0. Axis and unit are the clip's own, named in the stage.
+
+    Args:
+        clip: The clip.
+        path: The target: `.usdc` or `.usd` binary, `.usda` text, `.usdz` package.
+
+    Returns:
+        The one file written.
+
+    Raises:
+        ClipError: If the clip is not valid.
+        WriteError: If the file cannot be written.
+    """
+    clip.validate()
+    with writing_stage(clip, path) as stage:
+        root = define_root(stage, clip, "SkelRoot")
+        root_path = str(root.GetPath())
+        UsdSkel.Root(root).CreateExtentAttr(values.vectors(bounds.swept_extent(clip)))
+        skeleton = define_skeleton(stage, clip, f"{root_path}/Skel")
+        define_carrier_mesh(stage, clip, f"{root_path}/Carrier", skeleton)
+        if clip.camera is not None:
+            define_camera(stage, clip, clip.camera, f"{root_path}/Camera")
+    return (Path(path),)
