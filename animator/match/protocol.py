@@ -17,6 +17,21 @@ class MaskedImage:
     mask: np.ndarray
     """True on the object, bool, shape (H, W)."""
 
+    @property
+    def box_px(self) -> tuple[int, int, int, int]:
+        """Bounding box of the mask as (left, top, right, bottom), half open; all 0 without an object."""
+        rows = np.flatnonzero(self.mask.any(axis=1))
+        columns = np.flatnonzero(self.mask.any(axis=0))
+        if rows.size == 0:
+            return 0, 0, 0, 0
+        return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+
+    @property
+    def object_size_px(self) -> float:
+        """Diagonal of the mask's bounding box [px], the unit of all pixel tolerances; 0 without an object."""
+        left, top, right, bottom = self.box_px
+        return float(np.hypot(right - left, bottom - top))
+
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class FlowField:
@@ -26,6 +41,13 @@ class FlowField:
     """Displacement of each source pixel [px], float32, shape (H, W, 2)."""
     confidences: np.ndarray
     """Trust 0..1 at each source pixel, 0 where rejected or outside the masks, float32, shape (H, W)."""
+    matcher: str = ""
+    """Name of the matcher that made it, for logs and reports."""
+
+    def trusted_share(self, source_mask: np.ndarray) -> float:
+        """Return the share of the source's object pixels that are trusted, 0..1."""
+        count = np.count_nonzero(source_mask)
+        return float(np.count_nonzero(self.confidences[source_mask]) / count) if count else 0.0
 
 
 class Matcher(Protocol):
