@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pygltflib
 
+from exporters.gltf import order
 from exporters.gltf.buffers import BinaryBuffer
-from exporters.gltf.order import xyzw
 from exporters.keyframes import align_signs
 
 
@@ -77,13 +77,13 @@ def _moving_channels(track: NodeTracks) -> list[tuple[str, list[int], np.ndarray
     """
     rest_wxyz = np.broadcast_to(track.rest_quats_wxyz, track.quats_wxyz.shape)
     near_rest_wxyz = align_signs(track.quats_wxyz, rest_wxyz)
-    rotated = (xyzw(near_rest_wxyz) != xyzw(rest_wxyz)).any(axis=(0, 2))
+    rotated = (order.xyzw(near_rest_wxyz) != order.xyzw(rest_wxyz)).any(axis=(0, 2))
     translations = track.translations.astype(np.float32)
     shifted = (translations != track.rest_translations.astype(np.float32)).any(axis=(0, 2))
     channels = []
     for path, moves, values in (
         ("translation", shifted, translations),
-        ("rotation", rotated, xyzw(track.quats_wxyz)),
+        ("rotation", rotated, order.xyzw(track.quats_wxyz)),
     ):
         nodes = [track.nodes[i] for i in np.flatnonzero(moves)]
         channels.append((path, nodes, values[:, moves].swapaxes(0, 1)))

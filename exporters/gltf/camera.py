@@ -8,8 +8,8 @@ import pygltflib
 
 from exporters import keyframes, quaternions
 from exporters.clip import Clip, ClipCamera
+from exporters.gltf import order
 from exporters.gltf.animation import NodeTracks
-from exporters.gltf.order import xyzw
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -53,7 +53,7 @@ def add_camera(document: pygltflib.GLTF2, clip: Clip, camera: ClipCamera) -> Nod
             name="camera",
             camera=len(document.cameras) - 1,
             translation=translations[0].tolist(),
-            rotation=xyzw(quats_wxyz[0]).tolist(),
+            rotation=order.xyzw(quats_wxyz[0]).tolist(),
         )
     )
     return NodeTracks(

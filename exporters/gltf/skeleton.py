@@ -4,8 +4,8 @@ import numpy as np
 import pygltflib
 
 from exporters.clip import Clip, Rig
+from exporters.gltf import order
 from exporters.gltf.buffers import BinaryBuffer
-from exporters.gltf.order import column_major, xyzw
 
 
 def add_joints(document: pygltflib.GLTF2, rig: Rig) -> list[int]:
@@ -16,7 +16,7 @@ def add_joints(document: pygltflib.GLTF2, rig: Rig) -> list[int]:
         rig: Joints, parents before children; joint 0 is the root.
     """
     first = len(document.nodes)
-    rotations_xyzw = xyzw(rig.rest_quats_wxyz)
+    rotations_xyzw = order.xyzw(rig.rest_quats_wxyz)
     for joint, name in enumerate(rig.joint_names):
         document.nodes.append(
             pygltflib.Node(
@@ -46,7 +46,7 @@ def add_skin(
             name="skin",
             skeleton=joint_nodes[0],
             joints=joint_nodes,
-            inverseBindMatrices=buffer.add_values(column_major(joint_from_model)),
+            inverseBindMatrices=buffer.add_values(order.column_major(joint_from_model)),
         )
     )
     return len(document.skins) - 1

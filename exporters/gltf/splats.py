@@ -11,9 +11,9 @@ import pygltflib
 
 from exporters.carrier import base_colors_linear
 from exporters.clip import Splats
+from exporters.gltf import order
 from exporters.gltf.buffers import BinaryBuffer
 from exporters.gltf.carrier_mesh import packed_colors
-from exporters.gltf.order import xyzw
 
 SPLAT_EXTENSION = "KHR_gaussian_splatting"
 REST_SPLATS_NAME = "rest_splats"
@@ -37,17 +37,17 @@ def add_splat_mesh(
         ),
     )
     own_attributes = {
-        "ROTATION": xyzw(splats.quats_wxyz),
+        "ROTATION": order.xyzw(splats.quats_wxyz),
         "SCALE": splats.scales,
         "OPACITY": splats.opacities,
     }
     for name, values in own_attributes.items():
         setattr(attributes, f"{SPLAT_EXTENSION}:{name}", buffer.add_attribute(values))
     for degree in range(splats.sh_degree + 1):
-        for order in range(2 * degree + 1):
+        for index in range(2 * degree + 1):
             # Degree l starts at coefficient l^2; m runs from -l to l, as in the training code.
-            coefficients = splats.sh_coeffs[:, degree * degree + order, :]
-            name = f"{SPLAT_EXTENSION}:SH_DEGREE_{degree}_COEF_{order}"
+            coefficients = splats.sh_coeffs[:, degree * degree + index, :]
+            name = f"{SPLAT_EXTENSION}:SH_DEGREE_{degree}_COEF_{index}"
             setattr(attributes, name, buffer.add_attribute(coefficients))
     primitive = pygltflib.Primitive(
         mode=pygltflib.POINTS,

@@ -106,7 +106,7 @@ def test_a_single_key_away_from_rest_is_kept(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", CLIPS)
 def test_gltf_and_usd_agree(name: str, tmp_path: Path) -> None:
-    from exporters.usd import write_usd_rig
+    from exporters.usd.write import write_usd_rig
 
     clip = clips.ALL[name]()
     write_gltf(clip, tmp_path / "clip.glb")
