@@ -40,13 +40,17 @@ class Renderer(Protocol):
     """Where the Gaussians must live."""
 
     def render(
-        self, gaussians: Gaussians, camera: Camera, *, background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+        self,
+        gaussians: Gaussians,
+        camera: Camera,
+        *,
+        background: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> Rendering:
         """Draw colour and alpha, differentiable in all five Gaussian fields."""
         ...
 
     def depth(self, gaussians: Gaussians, camera: Camera) -> torch.Tensor:
-        """Draw the alpha-weighted mean depth [scene unit], 0 where nothing is seen, shape (H, W)."""
+        """Draw the alpha-weighted mean depth [scene unit], 0 where nothing is seen; (H, W)."""
         ...
 
     def visibility(self, gaussians: Gaussians, camera: Camera) -> Visibility:

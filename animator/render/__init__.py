@@ -1,0 +1,1 @@
+"""Drawing Gaussians: one protocol, one renderer for CPUs and one for CUDA."""
