@@ -1,1 +1,30 @@
-"""The numpy side: a `Clip` and the files it is written to. Imports neither torch nor animator."""
+"""The numpy side: a `Clip` and the files it is written to. Imports neither torch nor animator.
+
+    clip = load_clip("clip.splatimate.npz")
+    clip.pose_at(0.5)                     the truth every file is compared with
+    export_clip(clip, "clip.usdc")        also .usd .usda .usdz .glb .gltf
+    export_clip(clip, "clip_gaussians")   a folder of PLY files, one a frame
+
+The writers, and the packages they need, are imported when a file is written.
+"""
+
+from exporters.clip import Clip, ClipCamera, Posed, Rig, Skin, Splats, Tracks
+from exporters.clip_io import load_clip, save_clip
+from exporters.errors import ClipError, WriteError
+from exporters.registry import EXPORTERS, export_clip
+
+__all__ = [
+    "EXPORTERS",
+    "Clip",
+    "ClipCamera",
+    "ClipError",
+    "Posed",
+    "Rig",
+    "Skin",
+    "Splats",
+    "Tracks",
+    "WriteError",
+    "export_clip",
+    "load_clip",
+    "save_clip",
+]

@@ -5,22 +5,29 @@ import numpy as np
 from exporters import quaternions
 from exporters.clip import Clip, Posed
 
-EXTENT_SIGMAS = (
-    3.0  # the support of ParticleFieldKernelGaussianEllipsoidAPI, and of INRIA's renderer
-)
+EXTENT_SIGMAS = 3.0  # the support of USD's ParticleFieldKernelGaussianEllipsoidAPI
+
+ROUNDING_MARGIN = 1e-5  # keeps rounding from dropping an ellipsoid that just reaches a side
 
 
-def ellipsoid_half_widths(posed: Posed, scales: np.ndarray) -> np.ndarray:
-    """Return half the widths of the tight boxes around the 3-sigma ellipsoids, shape (N, 3).
+def ellipsoid_half_widths(quats_wxyz: np.ndarray, scales: np.ndarray) -> np.ndarray:
+    """Return half the widths of the tight boxes around 3-sigma ellipsoids, shape (N, 3).
 
     The half width of an ellipsoid with axes `R diag(s)` along a world axis is the norm of that row.
+
+    Args:
+        quats_wxyz: Rotations, shape (N, 4).
+        scales: Standard deviations [scene unit], shape (N, 3).
     """
-    axes = quaternions.to_matrices(posed.quats_wxyz) * scales[:, None, :]
+    axes = quaternions.to_matrices(quats_wxyz) * scales[:, None, :]
     return EXTENT_SIGMAS * np.sqrt(np.einsum("nij,nij->ni", axes, axes))
 
 
 def ellipsoid_extent(posed: Posed, scales: np.ndarray) -> np.ndarray:
-    """Return the tight box around the 3-sigma ellipsoids.
+    """Return the tight box around all 3-sigma ellipsoids.
+
+    Only the ellipsoids that may reach a side are looked at: those whose largest radius passes every
+    other's smallest one.
 
     Args:
         posed: Centers and rotations.
@@ -29,10 +36,14 @@ def ellipsoid_extent(posed: Posed, scales: np.ndarray) -> np.ndarray:
     Returns:
         Rows min and max [scene unit], float32, shape (2, 3).
     """
-    half_widths = ellipsoid_half_widths(posed, scales)
-    low = (posed.positions - half_widths).min(axis=0)
-    high = (posed.positions + half_widths).max(axis=0)
-    return np.stack([low, high]).astype(np.float32)
+    inner = EXTENT_SIGMAS * scales.min(axis=1, keepdims=True)
+    outer = EXTENT_SIGMAS * scales.max(axis=1, keepdims=True) * (1 + ROUNDING_MARGIN)
+    reaches_low = posed.positions - outer <= (posed.positions - inner).min(axis=0)
+    reaches_high = posed.positions + outer >= (posed.positions + inner).max(axis=0)
+    candidates = (reaches_low | reaches_high).any(axis=1)
+    positions = posed.positions[candidates]
+    half_widths = ellipsoid_half_widths(posed.quats_wxyz[candidates], scales[candidates])
+    return point_extent(np.concatenate([positions - half_widths, positions + half_widths]))
 
 
 def point_extent(points: np.ndarray) -> np.ndarray:
@@ -50,9 +61,9 @@ def swept_extent(clip: Clip) -> np.ndarray:
     Returns:
         Rows min and max [scene unit], float32, shape (2, 3).
     """
-    rest = Posed(positions=clip.splats.positions, quats_wxyz=clip.splats.quats_wxyz)
-    half_widths = ellipsoid_half_widths(rest, clip.splats.scales)
-    corners = _joint_corners(clip, rest.positions - half_widths, rest.positions + half_widths)
+    splats = clip.splats
+    half_widths = ellipsoid_half_widths(splats.quats_wxyz, splats.scales)
+    corners = _joint_corners(clip, splats.positions - half_widths, splats.positions + half_widths)
     is_used = np.isfinite(corners).all(axis=(1, 2))
     inverse_bind = np.linalg.inv(clip.bind_matrices())
     swept = []
@@ -64,7 +75,7 @@ def swept_extent(clip: Clip) -> np.ndarray:
 
 
 def _joint_corners(clip: Clip, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return the corners of the rest box of what each joint moves, infinite if nothing, (J, 8, 3)."""
+    """Return the corners of the rest box of what each joint moves, inf if nothing, (J, 8, 3)."""
     boxes = np.full((2, len(clip.rig), 3), [[[np.inf]], [[-np.inf]]])
     rows, influences = np.nonzero(clip.skin.weights > 0)
     joint_ids = clip.skin.joint_ids[rows, influences]

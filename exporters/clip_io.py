@@ -28,7 +28,7 @@ _PARTS = {"splats": Splats, "rig": Rig, "skin": Skin, "tracks": Tracks, "camera"
 _PLAIN_FIELDS = ("name", "fps", "up_axis", "meters_per_unit", "source_frames")
 
 
-def save_clip(clip: Clip, path: str | Path) -> Path:
+def save_clip(clip: Clip, path: str | Path) -> tuple[Path, ...]:
     """Write a clip, bit-exact.
 
     Args:
@@ -36,7 +36,7 @@ def save_clip(clip: Clip, path: str | Path) -> Path:
         path: The target, by custom ending in `.splatimate.npz`; replaced whole.
 
     Returns:
-        The path written.
+        The one file written.
 
     Raises:
         ClipError: If the clip is not valid.
@@ -55,7 +55,7 @@ def save_clip(clip: Clip, path: str | Path) -> Path:
             entry = zipfile.ZipInfo(f"{name}.npy", date_time=_ZIP_EPOCH)
             with archive.open(entry, "w", force_zip64=True) as stream:
                 np.lib.format.write_array(stream, array, allow_pickle=False)
-    return Path(path)
+    return (Path(path),)
 
 
 def load_clip(path: str | Path) -> Clip:

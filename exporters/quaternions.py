@@ -20,7 +20,7 @@ def multiply(left_wxyz: np.ndarray, right_wxyz: np.ndarray) -> np.ndarray:
 
 def normalize(quats_wxyz: np.ndarray) -> np.ndarray:
     """Return unit quaternions; a zero quaternion becomes the identity. Shape (..., 4)."""
-    norms = np.linalg.norm(quats_wxyz, axis=-1, keepdims=True)
+    norms = np.sqrt(np.einsum("...i,...i->...", quats_wxyz, quats_wxyz))[..., None]
     identity = np.array([1.0, 0.0, 0.0, 0.0], dtype=quats_wxyz.dtype)
     return np.where(norms > 1e-12, quats_wxyz / np.maximum(norms, 1e-12), identity)
 

@@ -44,8 +44,7 @@ def write_usd_cache(
     with writing_stage(clip, path) as stage:
         root = define_root(stage, clip, "Xform")
         root_path = str(root.GetPath())
-        if clip.camera is not None:
-            define_camera(stage, clip, clip.camera, f"{root_path}/Camera")
+        define_camera(stage, clip, f"{root_path}/Camera", bounds.swept_extent(clip))
         field = _define_field(stage, clip.splats, f"{root_path}/Splats")
         extents = []
         for frame in bake_frames(clip, progress):
@@ -65,8 +64,8 @@ def _define_field(
 ) -> UsdVol.ParticleField3DGaussianSplat:
     """Define the prim with all that does not change.
 
-    Every attribute has exactly one value a Gaussian (K for the harmonics): readers that find another
-    count ignore the attribute, or the prim. The schema wants linear scales and opacities 0..1.
+    Every attribute has exactly one value a Gaussian (K for the harmonics): readers that find
+    another count ignore the attribute, or the prim. Scales are linear and opacities 0..1.
     """
     field = UsdVol.ParticleField3DGaussianSplat.Define(stage, path)
     field.CreatePositionsAttr()

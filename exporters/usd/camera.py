@@ -5,12 +5,12 @@ import logging
 import numpy as np
 from pxr import Gf, Usd, UsdGeom
 
-from exporters import bounds, keyframes, quaternions
+from exporters import keyframes, quaternions
 from exporters.clip import Clip, ClipCamera
 from exporters.usd import values
 
 HORIZONTAL_APERTURE = 36.0
-"""Width of the film [tenths of a scene unit, USD's unit for lenses]: full-frame, if units were cm."""
+"""Width of the film [tenths of a scene unit, USD's unit for lenses]: full frame in cm scenes."""
 
 NEAR_SHARE = 1e-3  # near over far clipping distance: deep enough for close-ups, shallow for 24 bits
 
@@ -21,8 +21,12 @@ _USD_FROM_OPENCV = np.diag([1.0, -1.0, -1.0])  # OpenCV looks along +z, y down; 
 _log = logging.getLogger(__name__)
 
 
-def define_camera(stage: Usd.Stage, clip: Clip, camera: ClipCamera, path: str) -> UsdGeom.Camera:
-    """Define a camera that projects as the intrinsics do, time-sampled if it moves.
+def define_camera(
+    stage: Usd.Stage, clip: Clip, path: str, swept_extent: np.ndarray
+) -> UsdGeom.Camera | None:
+    """Define the clip's camera, if it has one, time-sampled if it moves.
+
+    It projects as the intrinsics do.
 
     With fx = fy cx = w/2 cy = h/2 this is an ordinary lens. Unequal focal lengths go into the
     height of the aperture, the principal point into its offsets: the image edges u = 0 and u = w
@@ -30,7 +34,16 @@ def define_camera(stage: Usd.Stage, clip: Clip, camera: ClipCamera, path: str) -
     offset (`GfCamera::GetFrustum`); upwards, the edge v = 0 lies at +cy/fy.
 
     The pose is written as translation and quaternion, so that it interpolates as a rotation.
+
+    Args:
+        stage: Receives the prim.
+        clip: The clip.
+        path: Path of the prim.
+        swept_extent: Box of the whole motion [scene unit], which the clipping planes must hold.
     """
+    camera = clip.camera
+    if camera is None:
+        return None
     intrinsics = camera.intrinsics
     width, height = camera.width_px, camera.height_px
     if abs(intrinsics[0, 1]) > _SKEW_TOLERANCE_PX:
@@ -50,7 +63,7 @@ def define_camera(stage: Usd.Stage, clip: Clip, camera: ClipCamera, path: str) -
         float(vertical_aperture * (intrinsics[1, 2] / height - 0.5))
     )
     _add_pose(usd_camera, clip, camera)
-    usd_camera.CreateClippingRangeAttr(_clipping_range(clip, camera))
+    usd_camera.CreateClippingRangeAttr(_clipping_range(camera, swept_extent))
     return usd_camera
 
 
@@ -69,9 +82,9 @@ def _add_pose(usd_camera: UsdGeom.Camera, clip: Clip, camera: ClipCamera) -> Non
         orient.Set(values.quat(quat_wxyz), time)
 
 
-def _clipping_range(clip: Clip, camera: ClipCamera) -> Gf.Vec2f:
+def _clipping_range(camera: ClipCamera, swept_extent: np.ndarray) -> Gf.Vec2f:
     """Return near and far distances that hold the whole motion as seen from every pose."""
-    low, high = bounds.swept_extent(clip)
+    low, high = swept_extent
     center, radius = (low + high) / 2, np.linalg.norm(high - low) / 2
     depths = camera.cam_from_world[:, 2, :3] @ center + camera.cam_from_world[:, 2, 3]
     far = max(float(np.max(depths) + radius), float(radius)) * 2

@@ -41,9 +41,9 @@ def write_usd_rig(clip: Clip, path: str | Path) -> tuple[Path, ...]:
     with writing_stage(clip, path) as stage:
         root = define_root(stage, clip, "SkelRoot")
         root_path = str(root.GetPath())
-        UsdSkel.Root(root).CreateExtentAttr(values.vectors(bounds.swept_extent(clip)))
+        swept_extent = bounds.swept_extent(clip)
+        UsdSkel.Root(root).CreateExtentAttr(values.vectors(swept_extent))
         skeleton = define_skeleton(stage, clip, f"{root_path}/Skel")
         define_carrier_mesh(stage, clip, f"{root_path}/Carrier", skeleton)
-        if clip.camera is not None:
-            define_camera(stage, clip, clip.camera, f"{root_path}/Camera")
+        define_camera(stage, clip, f"{root_path}/Camera", swept_extent)
     return (Path(path),)
