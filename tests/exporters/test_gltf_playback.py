@@ -85,9 +85,9 @@ def test_quads_turn_with_their_gaussian(tmp_path: Path) -> None:
     vertices = gltf_reader.read(tmp_path / "door.glb").skinned_positions("carrier", 1.0)
     quad = vertices.reshape(-1, 4, 3)[1]
     # The long axis (0.03) lay along x and now points along y; the short one (0.02) along -x.
-    half = np.sqrt(np.pi / 2)
-    np.testing.assert_allclose(quad[1] - quad[0], [0, 2 * half * 0.03, 0], atol=1e-6)
-    np.testing.assert_allclose(quad[3] - quad[0], [-2 * half * 0.02, 0, 0], atol=1e-6)
+    # Sides of four standard deviations.
+    np.testing.assert_allclose(quad[1] - quad[0], [0, 4 * 0.03, 0], atol=1e-6)
+    np.testing.assert_allclose(quad[3] - quad[0], [-4 * 0.02, 0, 0], atol=1e-6)
 
 
 def test_a_single_key_away_from_rest_is_kept(tmp_path: Path) -> None:
