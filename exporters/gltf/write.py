@@ -19,8 +19,13 @@ from exporters.gltf.splats import REST_SPLATS_NAME, add_splat_mesh
 
 GENERATOR = "Splatimate"
 
+GLB_BLOB_LIMIT_BYTES = 2**32 - 2**27
+"""A .glb counts its own bytes with 32 bits (glTF 2.0, section 4.4.2); the JSON needs room too."""
 
-def write_gltf(clip: Clip, path: Path, options: GltfOptions | None = None) -> tuple[Path, ...]:
+
+def write_gltf(
+    clip: Clip, path: str | Path, options: GltfOptions | None = None
+) -> tuple[Path, ...]:
     """Write the rigged asset as glTF 2.0.
 
     The default scene holds the skeleton below a node of the clip's name, the skinned carrier mesh
@@ -35,7 +40,7 @@ def write_gltf(clip: Clip, path: Path, options: GltfOptions | None = None) -> tu
         The files written, the one to open first.
 
     Raises:
-        ClipError: If the clip is not valid, or the suffix is not glTF's.
+        ClipError: If the clip is not valid, too large for a .glb, or the suffix is not glTF's.
         WriteError: If a file cannot be written; no partial file remains.
     """
     path = Path(path)
@@ -45,6 +50,11 @@ def write_gltf(clip: Clip, path: Path, options: GltfOptions | None = None) -> tu
     clip.validate()
     document, blob = build_document(to_y_up_meters(clip), options or GltfOptions())
     if suffix == ".glb":
+        if len(blob) > GLB_BLOB_LIMIT_BYTES:
+            raise ClipError(
+                f"{path}: {len(clip.splats)} Gaussians make {len(blob) / 2**30:.1f} GiB, but a "
+                ".glb ends at 4 GiB; write a .gltf, or leave out the rest splats"
+            )
         document.set_binary_blob(blob)
         with replacing(path) as partial:
             document.save_binary(partial)

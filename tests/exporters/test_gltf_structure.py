@@ -195,6 +195,16 @@ def test_too_many_joints_are_refused() -> None:
         skin_attributes(clips.hinge().skin, joint_count=65537)
 
 
+def test_a_glb_of_more_than_four_gibibytes_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("exporters.gltf.write.GLB_BLOB_LIMIT_BYTES", 1000)
+    with pytest.raises(ClipError, match=r"3 Gaussians .* write a \.gltf"):
+        write_gltf(clips.static(), tmp_path / "clip.glb")
+    write_gltf(clips.static(), tmp_path / "clip.gltf")
+    assert sorted(child.name for child in tmp_path.iterdir()) == ["clip.bin", "clip.gltf"]
+
+
 def test_other_suffixes_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ClipError, match=r"expected a name ending in \.glb or \.gltf, got '\.obj'"):
         write_gltf(clips.static(), tmp_path / "clip.obj")
