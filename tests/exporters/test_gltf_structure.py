@@ -198,7 +198,7 @@ def test_too_many_joints_are_refused() -> None:
 def test_a_glb_of_more_than_four_gibibytes_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("exporters.gltf.write.GLB_BLOB_LIMIT_BYTES", 1000)
+    monkeypatch.setattr("exporters.gltf.write.GLB_BLOB_LIMIT_BYTES", 100)
     with pytest.raises(ClipError, match=r"3 Gaussians .* write a \.gltf"):
         write_gltf(clips.static(), tmp_path / "clip.glb")
     write_gltf(clips.static(), tmp_path / "clip.gltf")
