@@ -110,7 +110,7 @@ def _cut(rgb: np.ndarray, fit: _BackgroundFit) -> np.ndarray | None:
     cv2.grabCut(
         np.ascontiguousarray(rgb),
         labels,
-        None,
+        (0, 0, 0, 0),  # not looked at: the labels say it all
         background,
         foreground,
         _GRABCUT_ROUNDS,
@@ -132,4 +132,4 @@ def _without_specks(is_object: np.ndarray) -> np.ndarray:
     areas = stats[:, cv2.CC_STAT_AREA].astype(np.int64)
     areas[0] = 0  # label 0 is the background
     is_kept = areas >= max(1.0, _SPECK_SHARE * float(areas.max()))
-    return is_kept[labels]
+    return is_kept[np.asarray(labels, np.intp)]
