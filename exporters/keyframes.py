@@ -19,11 +19,10 @@ def interpolate(tracks: Tracks, time_s: float) -> tuple[np.ndarray, np.ndarray]:
         Translations [scene unit], shape (J, 3), and unit rotations wxyz, shape (J, 4), float64.
     """
     times_s = tracks.times_s
-    after = int(np.searchsorted(times_s, time_s, side="right"))
-    if after == 0 or after == len(times_s):
-        key = min(after, len(times_s) - 1)
-        return tracks.translations[key], tracks.quats_wxyz[key]
-    before = after - 1
+    before = max(int(np.searchsorted(times_s, time_s, side="right")) - 1, 0)
+    after = before + 1
+    if after == len(times_s) or time_s <= times_s[before]:
+        return tracks.translations[before], tracks.quats_wxyz[before]
     share = float((time_s - times_s[before]) / (times_s[after] - times_s[before]))
     translations = (1 - share) * tracks.translations[before] + share * tracks.translations[after]
     quats_wxyz = quaternions.slerp(tracks.quats_wxyz[before], tracks.quats_wxyz[after], share)
