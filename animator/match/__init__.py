@@ -1,4 +1,5 @@
-"""Find where the pixels of one image of the object are in another, and lift the answer to Gaussians.
+"""Find the pixels of one image of the object in another, and lift the answer to Gaussians.
 
-Every matcher stands behind `animator.match.protocol.Matcher`; `animator.match.registry` makes one by name.
+Every matcher stands behind `animator.match.protocol.Matcher`; `animator.match.registry` makes one
+by name.
 """

@@ -20,7 +20,7 @@ _log = logging.getLogger(__name__)
 
 
 class AutoMatcher:
-    """Tries the cheap matcher, measures what it found, and calls the strong one where that is not enough."""
+    """Tries the cheap matcher, measures the motion, calls the strong one where it is large."""
 
     name = "auto"
 
@@ -55,12 +55,11 @@ class AutoMatcher:
         # Seeds from a barely textured object can be worse than the flow they were to replace.
         chosen = large if large_share > 0.8 * share else small
         _log.info(
-            "auto: %s (optical flow trusts %.0f %% of the object and sees a motion of %.1f %% of its size; "
-            "%s trusts %.0f %%)",
-            chosen.matcher or type(self._large_motion).__name__,
+            "auto: %s (flow: trusted %.0f %%, motion %.1f %% of the object; %s: trusted %.0f %%)",
+            chosen.matcher,
             100 * share,
             100 * motion,
-            large.matcher or type(self._large_motion).__name__,
+            large.matcher,
             100 * large_share,
         )
         return chosen

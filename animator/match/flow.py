@@ -10,7 +10,7 @@ from animator.types import Matches
 
 
 class FlowMatcher:
-    """Follows small motion densely, to a fraction of a pixel; loses motion beyond a tenth of the object."""
+    """Follows motion up to a tenth of the object densely, to a fraction of a pixel."""
 
     name = "flow"
 

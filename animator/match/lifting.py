@@ -1,38 +1,24 @@
-"""From pixels to Gaussians: which Gaussian a matched pixel shows, and where that Gaussian should go."""
+"""From pixels to Gaussians: which Gaussian a matched pixel shows, and where it should go."""
 
 import logging
-from typing import Protocol
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from animator.match.protocol import FlowField
 from animator.match.sampling import inside_mask
 from animator.types import GaussianMatches, Matches
 
 MIN_VISIBLE_SHARE = 0.3
-"""A Gaussian is seen if this share of it is not hidden (the paper's alpha-times-transmittance test)."""
+"""A Gaussian is seen if this share of it is not hidden (the paper's test)."""
 
 _log = logging.getLogger(__name__)
 
 
-class SeenGaussians(Protocol):
-    """What lifting needs of a renderer's visibility; `render.protocol.Visibility` fits."""
-
-    @property
-    def centres_px(self) -> np.ndarray:
-        """Projected centres in the source image, pixel centres at +0.5, shape (N, 2)."""
-        ...
-
-    @property
-    def visible_shares(self) -> np.ndarray:
-        """How much of each Gaussian is seen, 0..1, shape (N,)."""
-        ...
-
-
 def lift_flow(
     flow: FlowField,
-    seen: SeenGaussians,
+    centres_px: np.ndarray,
+    visible_shares: np.ndarray,
     *,
     min_visible_share: float = MIN_VISIBLE_SHARE,
     max_count: int | None = None,
@@ -40,12 +26,14 @@ def lift_flow(
 ) -> GaussianMatches:
     """Read the flow where each visible Gaussian projects.
 
-    Displacement and trust are bilinear in the four pixels around the centre; pixels that are not trusted take no
-    part in the displacement, and a Gaussian whose own pixel is not trusted is left out.
+    Displacement and trust are bilinear in the four pixels around the centre; pixels that are not
+    trusted take no part in the displacement, and a Gaussian whose own pixel is not trusted is left
+    out.
 
     Args:
         flow: Motion from the render to the frame.
-        seen: Where the Gaussians project in the render and which are visible.
+        centres_px: Projected centers in the render, pixel centres at +0.5, shape (N, 2).
+        visible_shares: How much of each Gaussian is seen there, 0..1, shape (N,).
         min_visible_share: Smallest visible share that counts as seen.
         max_count: Keep at most this many, evenly over the image; None keeps all.
         rng: Chooses among Gaussians in one image cell; needed with `max_count`.
@@ -59,9 +47,9 @@ def lift_flow(
     if max_count is not None and rng is None:
         raise ValueError("max_count needs rng: which Gaussians are dropped is a random choice")
     trusted = flow.confidences > 0
-    visible = seen.visible_shares > min_visible_share
-    ids = np.flatnonzero(visible & inside_mask(trusted, seen.centres_px))
-    centers = seen.centres_px[ids].astype(np.float64)
+    visible = visible_shares > min_visible_share
+    ids = np.flatnonzero(visible & inside_mask(trusted, centres_px))
+    centers = centres_px[ids].astype(np.float64)
     displacements, confidences = _read_trusted(flow, centers)
     if max_count is not None and rng is not None and len(ids) > max_count:
         kept = spread_subset(centers, max_count, rng=rng)
@@ -76,27 +64,29 @@ def lift_flow(
 
 def lift_matches(
     matches: Matches,
-    seen: SeenGaussians,
+    centres_px: np.ndarray,
+    visible_shares: np.ndarray,
     *,
     min_visible_share: float = MIN_VISIBLE_SHARE,
     max_distance_px: float = 1.0,
 ) -> GaussianMatches:
     """Give each matched pixel to the visible Gaussian that projects nearest (the paper's rule).
 
-    A Gaussian that several pixels choose keeps the nearest of them. The small offset between pixel and Gaussian
-    is carried over to the target, so that it does not become an error.
+    A Gaussian that several pixels choose keeps the nearest of them. The small offset between pixel
+    and Gaussian is carried over to the target, so that it does not become an error.
 
     Args:
         matches: Pixel pairs from the render to the frame.
-        seen: Where the Gaussians project in the render and which are visible.
+        centres_px: Projected centers in the render, pixel centres at +0.5, shape (N, 2).
+        visible_shares: How much of each Gaussian is seen there, 0..1, shape (N,).
         min_visible_share: Smallest visible share that counts as seen.
         max_distance_px: Farthest a Gaussian may project from the pixel [px].
 
     Returns:
         The matches, in ascending order of Gaussian.
     """
-    finite = np.isfinite(seen.centres_px).all(axis=1)
-    visible_ids = np.flatnonzero((seen.visible_shares > min_visible_share) & finite)
+    finite = np.isfinite(centres_px).all(axis=1)
+    visible_ids = np.flatnonzero((visible_shares > min_visible_share) & finite)
     if len(visible_ids) == 0 or len(matches) == 0:
         nothing = np.zeros(0)
         return GaussianMatches(
@@ -104,10 +94,11 @@ def lift_matches(
             target_px=np.zeros((0, 2)),
             confidences=nothing,
         )
-    centers = seen.centres_px[visible_ids].astype(np.float64)
-    distances, nearest = cKDTree(centers).query(matches.source_px.astype(np.float64))
+    centers = centres_px[visible_ids].astype(np.float64)
+    distances, nearest = KDTree(centers).query(matches.source_px.astype(np.float64))
     near = np.flatnonzero(distances <= max_distance_px)
-    # Nearest first, so that `unique`, which keeps first occurrences, keeps the nearest pixel of each Gaussian.
+    # Nearest first, so that `unique`, which keeps first occurrences, keeps the nearest pixel of
+    # each Gaussian.
     near = near[np.lexsort((-matches.confidences[near], distances[near]))]
     chosen, first = np.unique(nearest[near], return_index=True)
     kept = near[first]
@@ -126,8 +117,8 @@ def lift_matches(
 def spread_subset(points_px: np.ndarray, count: int, *, rng: np.random.Generator) -> np.ndarray:
     """Choose points so that every occupied part of the image keeps some.
 
-    The image is cut into cells that hold about four chosen points each; each cell gives its points in random
-    order, one a round, until there are enough.
+    The image is cut into cells that hold about four chosen points each; each cell gives its points
+    in random order, one a round, until there are enough.
 
     Args:
         points_px: Positions [px], shape (M, 2).
@@ -172,5 +163,6 @@ def _read_trusted(flow: FlowField, points_px: np.ndarray) -> tuple[np.ndarray, n
             weights = weights * (confidence > 0)
             displacements += weights[:, None] * flow.flow_px[rows, columns]
             trusted_weight += weights
-    # The own pixel is trusted and has at least a quarter of the weight, so this never divides by zero.
+    # The own pixel is trusted and has at least a quarter of the weight, so this never divides by
+    # zero.
     return displacements / trusted_weight[:, None], confidences

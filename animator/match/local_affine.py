@@ -1,12 +1,12 @@
-"""Locally affine motion: which matches agree with their neighbours, and what the pixels between them do."""
+"""Locally affine motion: which matches agree with their neighbours, and what lies between."""
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 AFFINE_REACH_PX = 30.0
-"""Unit of the affine fit [px]: how far from its centre a match starts to count for the linear part."""
+"""Unit of the affine fit [px]: farther matches count mostly for the linear part."""
 CHUNK = 8192
-"""Fits solved at once; bounds memory to a few MB whatever the number of matches or the image size."""
+"""Fits solved at once; bounds memory to a few MB for any number of matches and pixels."""
 
 _RIDGE = np.diag(
     [0.05, 0.05, 1e-6]
@@ -18,7 +18,7 @@ _MIN_SUPPORT_SHARE = 0.4
 def _fit_affine(
     source: np.ndarray, target: np.ndarray, weights: np.ndarray, *, iterations: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Fit target = A source + b robustly in B neighbourhoods, by reweighted least squares (Cauchy weights).
+    """Fit target = A source + b in B neighbourhoods by reweighted least squares (Cauchy).
 
     Args:
         source: Positions relative to each neighbourhood's centre [px], shape (B, k, 2).
@@ -52,8 +52,9 @@ def agreeing_matches(
 ) -> np.ndarray:
     """Find the matches that move as an affine map fitted to their neighbours predicts.
 
-    A match is kept if it lies within the tolerance of the map fitted to its nearest source neighbours (itself
-    left out) and at least 40 % of those do too. The second pass judges among the survivors of the first.
+    A match is kept if it lies within the tolerance of the map fitted to its nearest source
+    neighbours (itself left out) and at least 40 % of those do too. The second pass judges among the
+    survivors of the first.
 
     Args:
         source_px: Positions in the source [px], shape (M, 2).
@@ -71,7 +72,7 @@ def agreeing_matches(
             return np.zeros(len(source_px), bool)
         source = np.asarray(source_px, np.float64)[alive]
         target = np.asarray(target_px, np.float64)[alive]
-        _, neighbors = cKDTree(source).query(source, k=neighbor_count + 1)
+        _, neighbors = KDTree(source).query(source, k=neighbor_count + 1)
         agrees = np.zeros(len(alive), bool)
         for start in range(0, len(alive), CHUNK):
             chunk = slice(start, start + CHUNK)
@@ -116,7 +117,7 @@ def interpolate_flow(
     neighbor_count: int = 10,
     stride_px: int = 8,
 ) -> np.ndarray:
-    """Spread matches over the whole image: each pixel follows an affine map fitted to the nearest matches.
+    """Spread matches over the image: pixels follow affine maps fitted to nearby matches.
 
     Args:
         source_px: Positions in the source, pixel centres at +0.5, shape (M, 2), M >= 1.
@@ -137,7 +138,7 @@ def interpolate_flow(
     rows = np.arange(0, height_px + stride_px, stride_px)
     nodes = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.float64)
     count = min(neighbor_count, len(source))
-    distances, neighbors = cKDTree(source).query(nodes, k=count)
+    distances, neighbors = KDTree(source).query(nodes, k=count)
     distances, neighbors = distances.reshape(-1, count), neighbors.reshape(-1, count)
 
     displacements = np.zeros((len(nodes), 2))

@@ -1,4 +1,4 @@
-"""Local normalisation: remove slow changes of brightness and contrast, which renders and photographs never share."""
+"""Local normalisation: remove slow changes of light, which render and photograph never share."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from animator.match.protocol import MaskedImage
 BLUR_PX = 12.0
 """Standard deviation of the neighbourhood [px], measured best of those tried at 512 px."""
 CONTRAST_FLOOR = 6.0
-"""Added to the local deviation [grey levels], so that sensor noise on plain surfaces is not blown up."""
+"""Added to the local deviation [grey levels]: noise on plain surfaces is not blown up."""
 NEUTRAL = 128
 """Grey level of the local mean, and of everything outside the mask."""
 GAIN = 40.0
@@ -17,15 +17,16 @@ GAIN = 40.0
 def normalize_locally(image: MaskedImage, *, blur_px: float = BLUR_PX) -> np.ndarray:
     """Replace each grey value by how many local standard deviations it is above its local mean.
 
-    The local moments are masked averages, so the background has no say: with weights w (the mask) and a
-    Gaussian blur G, mean = G(w g) / G(w) and variance = G(w g^2) / G(w) - mean^2.
+    The local moments are masked averages, so the background has no say: with weights w (the mask)
+    and a Gaussian blur G, mean = G(w g) / G(w) and variance = G(w g^2) / G(w) - mean^2.
 
     Args:
         image: Image and mask, sizes (H, W).
         blur_px: Standard deviation of the neighbourhood [px].
 
     Returns:
-        128 + 40 (g - mean) / (deviation + 6), clipped, and 128 outside the mask; uint8, shape (H, W).
+        128 + 40 (g - mean) / (deviation + 6), clipped, and 128 outside the mask; uint8, shape (H,
+        W).
     """
     import cv2
 

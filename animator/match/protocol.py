@@ -19,7 +19,7 @@ class MaskedImage:
 
     @property
     def box_px(self) -> tuple[int, int, int, int]:
-        """Bounding box of the mask as (left, top, right, bottom), half open; all 0 without an object."""
+        """Bounding box of the mask: left, top, right, bottom, half open; all 0 if it is empty."""
         rows = np.flatnonzero(self.mask.any(axis=1))
         columns = np.flatnonzero(self.mask.any(axis=0))
         if rows.size == 0:
@@ -28,7 +28,7 @@ class MaskedImage:
 
     @property
     def object_size_px(self) -> float:
-        """Diagonal of the mask's bounding box [px], the unit of all pixel tolerances; 0 without an object."""
+        """Diagonal of the mask's bounding box [px], 0 if it is empty; the unit of tolerances."""
         left, top, right, bottom = self.box_px
         return float(np.hypot(right - left, bottom - top))
 
@@ -40,7 +40,7 @@ class FlowField:
     flow_px: np.ndarray
     """Displacement of each source pixel [px], float32, shape (H, W, 2)."""
     confidences: np.ndarray
-    """Trust 0..1 at each source pixel, 0 where rejected or outside the masks, float32, shape (H, W)."""
+    """Trust 0..1 of each pixel, 0 where rejected or outside the masks, float32, shape (H, W)."""
     matcher: str = ""
     """Name of the matcher that made it, for logs and reports."""
 

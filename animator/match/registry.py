@@ -2,7 +2,7 @@
 
 import dataclasses
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import cast
 
@@ -26,15 +26,18 @@ MATCHERS: dict[str, str] = {
     "xfeat": "animator.match.registry:make_xfeat",
     "roma": "animator.match.registry:make_roma",
 }
-"""Name -> `module:function` that takes `MatcherOptions` and returns a `Matcher`; imported when asked for."""
+"""Name -> `module:function` from `MatcherOptions` to a `Matcher`, imported when asked for."""
 
 
-def load_matcher(name: str, *, options: MatcherOptions | None = None) -> Matcher:
+def load_matcher(
+    name: str, *, device: str = "cpu", roma_weights: Sequence[str | Path] = ()
+) -> Matcher:
     """Make a matcher.
 
     Args:
         name: A key of `MATCHERS`.
-        options: What the user said.
+        device: Torch device of learned matchers.
+        roma_weights: RoMa's and DINOv2's weight files, for `roma` only.
 
     Returns:
         The matcher.
@@ -44,9 +47,10 @@ def load_matcher(name: str, *, options: MatcherOptions | None = None) -> Matcher
     """
     if name not in MATCHERS:
         raise InputError(f"--matcher: expected one of {', '.join(MATCHERS)}; got {name!r}")
+    options = MatcherOptions(device=device, roma_weights=tuple(Path(path) for path in roma_weights))
     module_name, _, function_name = MATCHERS[name].partition(":")
     factory = getattr(importlib.import_module(module_name), function_name)
-    return cast(Callable[[MatcherOptions], Matcher], factory)(options or MatcherOptions())
+    return cast(Callable[[MatcherOptions], Matcher], factory)(options)
 
 
 def make_flow(options: MatcherOptions) -> Matcher:

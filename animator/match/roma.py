@@ -1,4 +1,4 @@
-"""Matcher `roma`: adapter to RoMa (Edstedt et al., CVPR 2024), with weights that the user brings."""
+"""Matcher `roma`: adapter to RoMa (Edstedt et al., CVPR 2024); the user brings the weights."""
 
 import logging
 from collections.abc import Sequence
@@ -37,10 +37,10 @@ class RomaModel(Protocol):
     def match(
         self, image_a: Any, image_b: Any, *, device: Any
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return the warp, shape (1, H, 2 W, 4) or (H, 2 W, 4), and its certainty without the last axis.
+        """Return the warp, shape (1, H, 2 W, 4) or (H, 2 W, 4), and its certainty.
 
-        The left half holds (x_a, y_a, x_b, y_b) for each pixel of A, the right half the same four for B, all in
-        -1..1 from image edge to image edge (`symmetric=True`, RoMa's default).
+        The left half holds (x_a, y_a, x_b, y_b) for each pixel of A, the right half the same four
+        for B, all in -1..1 from image edge to image edge (`symmetric=True`, RoMa's default).
         """
         ...
 
@@ -74,8 +74,8 @@ class RomaMatcher:
         Args:
             model: A `romatch` model; see `load_roma`.
             device: Where it runs.
-            limits: When to trust a displacement. The paper closes round trips to 10 px; the default here is
-                4 px, and the correlation decides the rest.
+            limits: When to trust a displacement. The paper closes round trips to 10 px; the default
+                here is 4 px, and the correlation decides the rest.
         """
         self._model = model
         self._device = torch.device(device)
@@ -132,7 +132,8 @@ def load_roma(weights: Sequence[Path], *, device: torch.device | str = "cpu") ->
     """Build RoMa from weight files on disk; nothing is downloaded.
 
     Args:
-        weights: `roma_outdoor.pth` (or `roma_indoor.pth`) and `dinov2_vitl14_pretrain.pth`, in any order.
+        weights: `roma_outdoor.pth` (or `roma_indoor.pth`) and `dinov2_vitl14_pretrain.pth`, in any
+            order.
         device: Where to run.
 
     Returns:
@@ -182,10 +183,12 @@ def _read_states(weights: Sequence[Path]) -> tuple[dict[str, Any], dict[str, Any
             ) from error
         if not isinstance(state, dict):
             raise InputError(
-                f"--roma-weights: {path} holds a {type(state).__name__}, not a state dict; {expected}"
+                f"--roma-weights: {path} holds a {type(state).__name__}, not a state dict; "
+                f"{expected}"
             )
         states.append(state)
-    # DINOv2 is a bare vision transformer with a class token; RoMa's names start with encoder and decoder.
+    # DINOv2 is a bare vision transformer with a class token; RoMa's names start with encoder and
+    # decoder.
     is_dino = ["cls_token" in state for state in states]
     if sum(is_dino) != 1:
         found = "two DINOv2 files" if all(is_dino) else "no DINOv2 file (one with a `cls_token`)"

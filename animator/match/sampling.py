@@ -1,4 +1,4 @@
-"""Reading images at fractional positions: the one place where +0.5 pixel centres meet OpenCV's integer ones."""
+"""Reading images at fractional positions, and the one place where +0.5 meets OpenCV's centres."""
 
 import numpy as np
 
@@ -77,10 +77,8 @@ def inside_mask(mask: np.ndarray, points_px: np.ndarray) -> np.ndarray:
     """
     height, width = mask.shape
     points = np.asarray(points_px, np.float64).reshape(-1, 2)
-    in_image = np.isfinite(points).all(axis=1)
-    in_image[in_image] = np.all(
-        (points[in_image] >= 0) & (points[in_image] < (width, height)), axis=1
-    )
+    # Comparisons with NaN are false, so points that are not finite are outside.
+    in_image = ((points >= 0) & (points < (width, height))).all(axis=1)
     inside = np.zeros(len(points), bool)
     columns, rows = points[in_image].astype(np.int64).T
     inside[in_image] = mask[rows, columns]

@@ -116,8 +116,9 @@ def trusted_flow(
 ) -> FlowField:
     """Attach to a forward flow the trust that its backward flow and the images give it.
 
-    A displacement is trusted if it starts and lands on the object, the round trip closes and both ends look
-    alike; the trust is then the correlation, lowered to half at the largest round trip allowed.
+    A displacement is trusted if it starts and lands on the object, the round trip closes and both
+    ends look alike; the trust is then the correlation, lowered to half at the largest round trip
+    allowed.
 
     Args:
         pair: The two images.

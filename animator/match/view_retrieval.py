@@ -10,7 +10,7 @@ from animator.match.protocol import MaskedImage
 from animator.types import Matches
 
 CELLS_PER_SIDE = 32
-"""The object's longer side is divided into this many cells; at 640 px they are the paper's 20 px."""
+"""Cells along the object's longer side; for 640 px they are the paper's 20 px."""
 SHORTLIST_COUNT = 5
 """Views that are matched with the strong matcher."""
 
@@ -36,8 +36,8 @@ def rank_views(
 ) -> list[RankedView]:
     """Rank views by how many cells of the frame's object hold a match: spread counts, not number.
 
-    All views are matched by mutual nearest neighbours, the best few again by LighterGlue; those few come first.
-    Ties go to the view that had more cells in the first pass, then to the lower index.
+    All views are matched by mutual nearest neighbours, the best few again by LighterGlue; those few
+    come first. Ties go to the view that had more cells in the first pass, then to the lower index.
 
     Args:
         views: Renders of the object from known cameras; sizes may differ.

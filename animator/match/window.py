@@ -1,4 +1,4 @@
-"""The part of two images that matchers look at: cropped to the object, at a size they were tuned for."""
+"""The part of the images that matchers look at: the object, at the size they were tuned for."""
 
 import dataclasses
 
@@ -9,7 +9,7 @@ from animator.match.protocol import FlowField, MaskedImage
 MARGIN_PX = 16
 """Room kept around the object's box, so that patches on its outline see some background."""
 MIN_SIDE_PX = 320
-"""Smaller objects are enlarged, at most twice: the pixel constants were measured at about 400 px."""
+"""Smaller objects are enlarged, at most twice: pixel constants were measured at 400 px."""
 MAX_SIDE_PX = 1024
 """Larger objects are shrunk, which bounds time and memory on 4k frames."""
 SIDE_MULTIPLE_PX = 32
@@ -39,7 +39,7 @@ class Window:
         return np.array([self.work_width_px / self.width_px, self.work_height_px / self.height_px])
 
     def cut(self, image: MaskedImage) -> MaskedImage:
-        """Return the window's part of an image, resampled, padded to whole multiples and grey off the object."""
+        """Return the window of an image, resampled, padded and gray off the object."""
         import cv2
 
         rows = slice(self.top_px, self.top_px + self.height_px)
@@ -70,7 +70,7 @@ class Window:
         return points_px / self.scale + np.array([self.left_px, self.top_px])
 
     def paste(self, work: FlowField, source: MaskedImage) -> FlowField:
-        """Return a flow of the window as a flow of the whole image, trusted on the source's object only."""
+        """Return a flow of the window as one of the whole image, trusted on the object only."""
         import cv2
 
         flow = np.ascontiguousarray(work.flow_px[: self.work_height_px, : self.work_width_px])
@@ -104,7 +104,7 @@ def window_around(*images: MaskedImage) -> Window | None:
     shapes = {image.mask.shape for image in images}
     if len(shapes) > 1:
         raise ValueError(
-            f"source and target must have one size to be matched, got {sorted(shapes)} (height, width): "
+            f"source and target must have one size, got (height, width) {sorted(shapes)}: "
             "render at the frame's size, or scale the camera first"
         )
     if not all(image.mask.any() for image in images):

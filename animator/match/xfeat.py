@@ -27,8 +27,9 @@ _log = logging.getLogger(__name__)
 class XFeatMatcher:
     """Follows motion up to about half the object's size, densely around what the seeds can reach.
 
-    XFeat + LighterGlue seeds and small-motion seeds from optical flow -> those that agree with their
-    neighbours -> locally affine interpolation -> warp and refine -> round trip, correlation and seed distance.
+    XFeat + LighterGlue seeds and small-motion seeds from optical flow -> those that agree with
+    their neighbours -> locally affine interpolation -> warp and refine -> round trip, correlation
+    and seed distance.
     """
 
     name = "xfeat"

@@ -21,7 +21,7 @@ class PnPOptions:
     confidence: float = 0.9999
     """Probability of an all-inlier sample at which RANSAC stops early."""
     min_inlier_share: float = 0.2
-    """Smallest share of inliers that counts as a pose; scattered points reach a few per cent by accident."""
+    """Smallest share of inliers of a pose; by accident a few per cent agree."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -29,11 +29,11 @@ class PnPResult:
     """A pose and who supports it."""
 
     cam_from_world: np.ndarray
-    """World to camera, OpenCV axes, float64, shape (4, 4); the given camera's own if nothing was found."""
+    """World to camera, OpenCV axes, float64, shape (4, 4); the given one on failure."""
     inliers: np.ndarray
     """True for each correspondence within the threshold, bool, shape (M,); all False on failure."""
     errors_px: np.ndarray
-    """Reprojection error of each correspondence [px], inf behind the camera, float64, shape (M,)."""
+    """Reprojection error of each pair [px], inf behind the camera, float64, shape (M,)."""
 
     @property
     def succeeded(self) -> bool:
@@ -51,14 +51,15 @@ def solve_pnp(
 ) -> PnPResult:
     """Find the pose from which `points` are seen at `target_px`, with some of the pairs wrong.
 
-    RANSAC over EPnP (Lepetit et al., IJCV 2009), then Levenberg-Marquardt on the inliers, which are chosen anew
-    after each round. Deterministic: OpenCV seeds this RANSAC with a constant.
+    RANSAC over EPnP (Lepetit et al., IJCV 2009), then Levenberg-Marquardt on the inliers, which are
+    chosen anew after each round. Deterministic: OpenCV seeds this RANSAC with a constant.
 
     Args:
         points: World positions [scene unit], shape (M, 3).
         target_px: Where each is seen, pixel centres at +0.5, shape (M, 2).
         camera: Its intrinsics are used; its pose is returned on failure.
-        threshold_px: Largest reprojection error of an inlier [px]; use a share of the object's size.
+        threshold_px: Largest reprojection error of an inlier [px]; use a share of the object's
+            size.
         options: Effort and acceptance.
 
     Returns:
@@ -131,7 +132,8 @@ def _ransac(
 ) -> np.ndarray | None:
     import cv2
 
-    # OpenCV minds only that points and principal point count pixels alike; ours both have centres at +0.5.
+    # OpenCV minds only that points and principal point count pixels alike; ours both have centres
+    # at +0.5.
     try:
         found, rotation, translation, _ = cv2.solvePnPRansac(
             points,
