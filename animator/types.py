@@ -14,6 +14,9 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
+SOLID_OPACITY = 0.1
+"""Gaussians below this opacity do not shape the object: no anchors, no extent."""
+
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Gaussians:
@@ -32,6 +35,14 @@ class Gaussians:
 
     def __len__(self) -> int:
         return len(self.means)
+
+    @property
+    def diagonal(self) -> float:
+        """Length of the object's bounding-box diagonal [scene unit], deaf to stray and faint Gaussians."""
+        solid = self.means[self.opacities > SOLID_OPACITY]
+        points = (solid if len(solid) else self.means).detach().cpu().numpy()
+        low, high = np.percentile(points, [0.5, 99.5], axis=0)
+        return max(float(np.linalg.norm(high - low)), 1e-12)
 
     def posed(self, means: torch.Tensor, quats_wxyz: torch.Tensor) -> "Gaussians":
         """Return the same Gaussians at other centres and rotations."""
@@ -73,6 +84,14 @@ class Camera:
         safe = np.where(np.abs(depths) < 1e-9, 1e-9, depths)
         homogeneous = in_camera @ self.intrinsics.T
         return homogeneous[:, :2] / safe[:, None], depths
+
+    def cropped(self, left_px: int, top_px: int, width_px: int, height_px: int) -> "Camera":
+        """Return the camera of a window of the image."""
+        intrinsics = self.intrinsics.copy()
+        intrinsics[:2, 2] -= (left_px, top_px)
+        return dataclasses.replace(
+            self, intrinsics=intrinsics, width_px=width_px, height_px=height_px
+        )
 
     def with_pose(self, cam_from_world: np.ndarray) -> "Camera":
         """Return the same lens at another pose."""
@@ -168,6 +187,13 @@ class AnchorPoses:
     """Rotations R_k from rest, unit, shape (A, 4)."""
     translations: torch.Tensor
     """Translations T_k from rest [scene unit], shape (A, 3)."""
+
+    @classmethod
+    def identity(cls, anchors: Anchors) -> "AnchorPoses":
+        """Return the rest pose."""
+        quats = torch.zeros(len(anchors), 4, device=anchors.positions.device)
+        quats[:, 0] = 1.0
+        return cls(quats_wxyz=quats, translations=torch.zeros_like(anchors.positions))
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)

@@ -1,0 +1,251 @@
+"""Fast solver of the match and ARAP energy: Gauss-Newton over all anchors at once (embedded deformation).
+
+Unknowns are a rotation vector (applied on the left) and a translation for each anchor. Excellent where the
+texture gives good matches and wrong where it does not, so its result is only a candidate start for the image
+stage (see `sequence/driver.py`, which keeps it only if its render explains the frame better).
+"""
+
+import dataclasses
+
+import numpy as np
+import torch
+from scipy.sparse import csr_matrix
+from scipy.spatial.transform import Rotation
+
+from animator.types import AnchorPoses, Anchors, Camera, GaussianMatches
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class MatchSolverConfig:
+    """Weights of the match solver; lengths in diagonals, pixels in object sizes."""
+
+    arap: float = 10.0
+    """Weight of Eq. 5."""
+    rotation: float = 0.02
+    """Weight of the smoothness of rotations."""
+    tether: float = 0.1
+    """Weight of the previous pose: holds what no match sees."""
+    huber: float = 0.01
+    """Reprojection error above which a match counts linearly [share of the object's size]."""
+    damping: float = 1e-4
+    """Levenberg-Marquardt damping, relative to the diagonal of the normal matrix."""
+    iterations: int = 4
+    """Most Gauss-Newton steps of one solve."""
+    max_turn_rad: float = 0.6
+    """Largest rotation of one step [rad]."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class MatchProblem:
+    """One solve: which Gaussians should project where."""
+
+    anchors: Anchors
+    rest_means: np.ndarray
+    """Rest centres of all Gaussians [scene unit], shape (N, 3)."""
+    camera: Camera
+    terms: tuple[tuple[GaussianMatches, float], ...]
+    """Sets of matches with the weight of each set."""
+    diagonal: float
+    """The object's diagonal [scene unit]."""
+    object_px: float
+    """Size of the object in the image [px]."""
+
+
+def solve_matches(
+    problem: MatchProblem, start: AnchorPoses, previous: AnchorPoses, config: MatchSolverConfig
+) -> AnchorPoses:
+    """Minimize matches + ARAP + rotation smoothness + tether from `start`.
+
+    Args:
+        problem: Matches and camera.
+        start: Where the iteration begins.
+        previous: The pose the tether holds to.
+        config: Weights and limits.
+
+    Returns:
+        The solved pose.
+    """
+    solver = _Solver(problem, previous, config)
+    rotations = Rotation.from_quat(_numpy(start.quats_wxyz), scalar_first=True).as_matrix()
+    translations = _numpy(start.translations)
+    for _ in range(config.iterations):
+        step = solver.step(rotations, translations).reshape(-1, 6)
+        largest_turn = float(np.abs(step[:, :3]).max(initial=0.0))
+        if largest_turn > config.max_turn_rad:
+            step *= config.max_turn_rad / largest_turn
+        rotations = Rotation.from_rotvec(step[:, :3]).as_matrix() @ rotations
+        translations = translations + step[:, 3:]
+        if largest_turn < 3e-3 and np.abs(step[:, 3:]).max(initial=0.0) < 2e-4 * problem.diagonal:
+            break
+    quats_wxyz = Rotation.from_matrix(rotations).as_quat(scalar_first=True)
+    return AnchorPoses(
+        quats_wxyz=torch.as_tensor(quats_wxyz, dtype=torch.float32),
+        translations=torch.as_tensor(translations, dtype=torch.float32),
+    )
+
+
+def _numpy(tensor: torch.Tensor) -> np.ndarray:
+    return tensor.detach().cpu().numpy().astype(np.float64)
+
+
+def _cross_matrices(vectors: np.ndarray) -> np.ndarray:
+    """Return [v]x for each vector, shape (..., 3, 3)."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    zero = np.zeros_like(x)
+    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+class _Solver:
+    """Builds and solves the normal equations of one Gauss-Newton step."""
+
+    def __init__(
+        self, problem: MatchProblem, previous: AnchorPoses, config: MatchSolverConfig
+    ) -> None:
+        self.problem = problem
+        self.config = config
+        anchors = problem.anchors
+        self.anchor_positions = _numpy(anchors.positions)
+        self.edges = anchors.edges.cpu().numpy()
+        self.edge_weights = _numpy(anchors.edge_weights)
+        self.skin_ids = anchors.skin_ids.cpu().numpy().astype(np.int64)
+        self.skin_weights = _numpy(anchors.skin_weights)
+        self.previous_rotations = Rotation.from_quat(
+            _numpy(previous.quats_wxyz), scalar_first=True
+        ).as_matrix()
+        self.previous_translations = _numpy(previous.translations)
+
+    def step(self, rotations: np.ndarray, translations: np.ndarray) -> np.ndarray:
+        """Return the update (rotation vector, translation) of every anchor, flattened, shape (6 A,)."""
+        unknowns = 6 * len(self.anchor_positions)
+        normal = np.zeros((unknowns, unknowns))
+        gradient = np.zeros(unknowns)
+        blocks = [self._matches(*term, rotations, translations) for term in self.problem.terms]
+        blocks += [self._arap(rotations, translations), self._smoothness(rotations)]
+        for jacobian, residuals in blocks:
+            normal += (jacobian.T @ jacobian).toarray()
+            gradient += jacobian.T @ residuals
+        self._add_tether(normal, gradient, rotations, translations)
+        diagonal = np.einsum("ii->i", normal)
+        diagonal += self.config.damping * np.maximum(diagonal, 1e-12) + 1e-12
+        # torch's Cholesky, because OpenBLAS threads stall for seconds on a busy machine.
+        factor = torch.linalg.cholesky(torch.from_numpy(normal))
+        solution = torch.cholesky_solve(torch.from_numpy(-gradient)[:, None], factor)
+        return solution[:, 0].numpy()
+
+    def _matches(
+        self,
+        matches: GaussianMatches,
+        weight: float,
+        rotations: np.ndarray,
+        translations: np.ndarray,
+    ) -> tuple[csr_matrix, np.ndarray]:
+        """Huber-weighted reprojection residuals (Eq. 3) of the skinned Gaussians (Eq. 2)."""
+        problem = self.problem
+        unknowns = 6 * len(self.anchor_positions)
+        if len(matches) == 0:
+            return csr_matrix((0, unknowns)), np.zeros(0)
+        ids = self.skin_ids[matches.gaussian_ids]
+        skin = self.skin_weights[matches.gaussian_ids]
+        offsets = problem.rest_means[matches.gaussian_ids][:, None] - self.anchor_positions[ids]
+        arms = np.einsum("mkij,mkj->mki", rotations[ids], offsets)
+        points = np.einsum(
+            "mk,mki->mi", skin, arms + self.anchor_positions[ids] + translations[ids]
+        )
+
+        world_to_cam = problem.camera.cam_from_world
+        x, y, z = np.moveaxis(points @ world_to_cam[:3, :3].T + world_to_cam[:3, 3], -1, 0)
+        z = np.where(np.abs(z) < 1e-9, 1e-9, z)
+        focal_x, focal_y = problem.camera.intrinsics[0, 0], problem.camera.intrinsics[1, 1]
+        center = problem.camera.intrinsics[:2, 2]
+        projected = np.stack([focal_x * x / z, focal_y * y / z], axis=1) + center
+        zero = np.zeros_like(z)
+        by_camera = np.stack(
+            [
+                np.stack([focal_x / z, zero, -focal_x * x / z**2], axis=1),
+                np.stack([zero, focal_y / z, -focal_y * y / z**2], axis=1),
+            ],
+            axis=1,
+        )
+        by_point = by_camera @ world_to_cam[:3, :3] / problem.object_px
+        residuals = (projected - matches.target_px) / problem.object_px
+
+        distances = np.linalg.norm(residuals, axis=1)
+        robust = np.minimum(1.0, self.config.huber / np.maximum(distances, 1e-12))
+        share = weight * matches.confidences / max(matches.confidences.sum(), 1e-9)
+        roots = np.sqrt(robust * share)[:, None]
+        by_turn = by_point[:, None] @ -_cross_matrices(arms)
+        by_shift = np.broadcast_to(by_point[:, None], by_turn.shape)
+        entries = np.concatenate([by_turn, by_shift], axis=-1) * skin[:, :, None, None]
+        # (M, K, 2, 6) -> rows are (match, axis), columns are the six unknowns of each influence.
+        entries = entries.transpose(0, 2, 1, 3) * roots[:, :, None, None]
+        columns = (6 * ids[:, :, None] + np.arange(6))[:, None]
+        columns = np.broadcast_to(columns, entries.shape)
+        row_starts = np.arange(0, entries.size + 1, entries.shape[2] * 6)
+        jacobian = csr_matrix(
+            (entries.ravel(), columns.ravel(), row_starts), (2 * len(matches), unknowns)
+        )
+        return jacobian, (residuals * roots).ravel()
+
+    def _arap(
+        self, rotations: np.ndarray, translations: np.ndarray
+    ) -> tuple[csr_matrix, np.ndarray]:
+        """Residuals R_i (a_j - a_i) - (a'_j - a'_i) of the anchor graph (Eq. 5)."""
+        first, second = self.edges.T
+        rest = self.anchor_positions[second] - self.anchor_positions[first]
+        arms = np.einsum("eij,ej->ei", rotations[first], rest)
+        residuals = arms - rest - translations[second] + translations[first]
+        roots = np.sqrt(self.config.arap * self.edge_weights / max(len(first), 1))
+        roots = roots / self.problem.diagonal
+        identity = np.broadcast_to(np.eye(3), (len(first), 3, 3))
+        entries = np.concatenate([-_cross_matrices(arms), identity, -identity], axis=-1)
+        columns = np.concatenate(
+            [
+                6 * first[:, None] + np.arange(6),
+                6 * second[:, None] + np.arange(3, 6),
+            ],
+            axis=1,
+        )
+        return self._rows(entries * roots[:, None, None], columns), (
+            residuals * roots[:, None]
+        ).ravel()
+
+    def _smoothness(self, rotations: np.ndarray) -> tuple[csr_matrix, np.ndarray]:
+        """Rotation vectors between neighboring anchors."""
+        first, second = self.edges.T
+        between = rotations[first] @ rotations[second].transpose(0, 2, 1)
+        residuals = Rotation.from_matrix(between).as_rotvec() if len(first) else np.zeros((0, 3))
+        root = np.sqrt(self.config.rotation / max(len(first), 1))
+        identity = np.broadcast_to(np.eye(3), (len(first), 3, 3))
+        entries = root * np.concatenate([identity, -identity], axis=-1)
+        columns = np.concatenate(
+            [6 * first[:, None] + np.arange(3), 6 * second[:, None] + np.arange(3)], axis=1
+        )
+        return self._rows(entries, columns), (root * residuals).ravel()
+
+    def _rows(self, entries: np.ndarray, columns: np.ndarray) -> csr_matrix:
+        """Assemble (E, 3, C) blocks whose three rows share the columns (E, C)."""
+        count, rows, width = entries.shape
+        spread = np.broadcast_to(columns[:, None], entries.shape)
+        starts = np.arange(0, count * rows * width + 1, width)
+        shape = (count * rows, 6 * len(self.anchor_positions))
+        return csr_matrix((entries.ravel(), spread.ravel(), starts), shape)
+
+    def _add_tether(
+        self,
+        normal: np.ndarray,
+        gradient: np.ndarray,
+        rotations: np.ndarray,
+        translations: np.ndarray,
+    ) -> None:
+        """Hold every anchor near the previous pose: diagonal, so added in place."""
+        count = len(self.anchor_positions)
+        weight = self.config.tether / count
+        turn_weight = weight * self.config.rotation
+        shift_weight = weight / self.problem.diagonal**2
+        between = rotations @ self.previous_rotations.transpose(0, 2, 1)
+        turned = Rotation.from_matrix(between).as_rotvec()
+        weights = np.tile(np.repeat([turn_weight, shift_weight], 3), count)
+        moved = np.concatenate([turned, translations - self.previous_translations], axis=1)
+        np.einsum("ii->i", normal)[...] += weights
+        gradient += weights * moved.ravel()

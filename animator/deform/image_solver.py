@@ -1,0 +1,247 @@
+"""The image stage of one frame: preconditioned Adam on the anchor transformations (paper Sec. 3.4).
+
+Raw per-anchor Adam moves every anchor by itself and lags behind fast motion. Here the unknowns pass through a
+Laplacian smoother of the anchor graph, P = (I + s L)^-1, so that a step moves a neighborhood together
+(Sobolev preconditioning; the minimum is unchanged because P is invertible).
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import torch
+
+from animator import quaternions
+from animator.deform import losses
+from animator.deform.skinning import Skinner
+from animator.types import AnchorPoses, Anchors, Camera, GaussianMatches, Gaussians
+
+Draw = Callable[[Gaussians, Camera], tuple[torch.Tensor, torch.Tensor]]
+"""Renders color (H, W, 3) and alpha (H, W) over black."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LossWeights:
+    """Weights of the terms of Eq. 7 and of ours; zero switches a term off."""
+
+    deform: float = 0.3
+    group: float = 200.0
+    arap: float = 2000.0
+    rotation: float = 5.0
+    rgb: float = 1.0
+    silhouette: float = 0.3
+    coarse_image: float = 0.5
+    temporal: float = 0.0
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ImageSolverConfig:
+    """The optimizer of the image stage."""
+
+    iterations: int = 50
+    """Adam steps a frame."""
+    turn_rate: float = 1.6e-2
+    """Learning rate of the quaternions."""
+    shift_rate: float = 4e-3
+    """Learning rate of the translations [diagonals]."""
+    final_rate: float = 0.1
+    """Share of the learning rate left at the last step (exponential decay)."""
+    smoothing: float = 4.0
+    """Strength s of the preconditioner; 0 is plain Adam."""
+    weights: LossWeights = dataclasses.field(default_factory=LossWeights)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class RigidPairs:
+    """Pairs of Gaussians that belong to one rigid group."""
+
+    first: torch.Tensor
+    """Indices of Gaussians i, int64, shape (P,)."""
+    second: torch.Tensor
+    """Indices of Gaussians j, int64, shape (P,)."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class FrameTarget:
+    """What one frame shows, on black."""
+
+    rgb: torch.Tensor
+    """Color times coverage, 0..1, shape (H, W, 3)."""
+    alpha: torch.Tensor
+    """Coverage 0..1, shape (H, W)."""
+    camera: Camera
+    """The camera of this (possibly cropped) image."""
+    matches: GaussianMatches | None
+    """Where matched Gaussians were seen, in this camera's pixels."""
+    object_px: float
+    """Size of the object in the image [px]."""
+
+    @property
+    def area_px(self) -> float:
+        """Area of the silhouette [px], at least 1."""
+        return max(float((self.alpha > 0.5).sum()), 1.0)
+
+
+class ImageSolver:
+    """Solves frame after frame for one clip; holds only what is constant over the clip."""
+
+    def __init__(
+        self, gaussians: Gaussians, anchors: Anchors, draw: Draw, config: ImageSolverConfig
+    ) -> None:
+        self._gaussians = gaussians
+        self._anchors = anchors
+        self._draw = draw
+        self.config = config
+        self._diagonal = gaussians.diagonal
+        self._skinner = Skinner(anchors, gaussians.means, gaussians.quats_wxyz)
+        self._smoother = _laplacian_smoother(anchors, config.smoothing)
+
+    def pose(self, poses: AnchorPoses) -> Gaussians:
+        """Skin the Gaussians to a pose (Eq. 2), differentiable in the pose."""
+        return self._gaussians.posed(*self._skinner(poses))
+
+    def image_error(self, poses: AnchorPoses, target: FrameTarget) -> float:
+        """Measure how badly a pose explains the frame: RGB and silhouette terms, lower is better."""
+        with torch.no_grad():
+            rgb, alpha = self._draw(self.pose(poses), target.camera)
+            error = losses.rgb_loss(rgb, target.rgb, area_px=target.area_px)
+            error += self.config.weights.silhouette * losses.silhouette_loss(
+                alpha, target.alpha, area_px=target.area_px
+            )
+        return float(error)
+
+    def solve(
+        self,
+        target: FrameTarget,
+        start: AnchorPoses,
+        previous: AnchorPoses,
+        *,
+        rigid_pairs: Callable[[int, Gaussians], RigidPairs | None] = lambda step, posed: None,
+        rate: float = 1.0,
+    ) -> AnchorPoses:
+        """Minimize the total loss (Eq. 7) from `start`.
+
+        Args:
+            target: The frame.
+            start: Where the iteration begins.
+            previous: The previous frame's pose, for the temporal term.
+            rigid_pairs: Called before each step with its number and the detached Gaussians of the last one;
+                returns the pairs of Eq. 4. Refinement of the rigid groups happens inside it (Algorithm 2).
+            rate: Scales the learning rates, for small or large motion.
+
+        Returns:
+            The pose after the last step, unit quaternions.
+        """
+        config = self.config
+        turns = torch.zeros_like(start.quats_wxyz).requires_grad_()
+        shifts = torch.zeros_like(start.translations).requires_grad_()
+        optimizer = torch.optim.Adam(
+            [
+                {"params": [turns], "lr": config.turn_rate * rate},
+                {"params": [shifts], "lr": config.shift_rate * rate},
+            ],
+            betas=(0.9, 0.99),
+        )
+        decay = torch.optim.lr_scheduler.ExponentialLR(
+            optimizer, config.final_rate ** (1.0 / max(config.iterations, 1))
+        )
+        posed = self.pose(start)
+        for step in range(config.iterations):
+            pairs = rigid_pairs(step, posed)
+            optimizer.zero_grad()
+            poses = self._step_from(start, turns, shifts)
+            live = self.pose(poses)
+            self._total_loss(target, poses, live, previous, pairs).backward()
+            optimizer.step()
+            decay.step()
+            posed = live.posed(live.means.detach(), live.quats_wxyz.detach())
+        with torch.no_grad():
+            return self._step_from(start, turns, shifts)
+
+    def _step_from(
+        self, start: AnchorPoses, turns: torch.Tensor, shifts: torch.Tensor
+    ) -> AnchorPoses:
+        return AnchorPoses(
+            quats_wxyz=quaternions.normalize(start.quats_wxyz + self._smoother @ turns),
+            translations=start.translations + (self._smoother @ shifts) * self._diagonal,
+        )
+
+    def _total_loss(
+        self,
+        target: FrameTarget,
+        poses: AnchorPoses,
+        posed: Gaussians,
+        previous: AnchorPoses,
+        pairs: RigidPairs | None,
+    ) -> torch.Tensor:
+        weights, area_px = self.config.weights, target.area_px
+        rgb, alpha = self._draw(posed, target.camera)
+        total = weights.rgb * losses.rgb_loss(rgb, target.rgb, area_px=area_px)
+        total = total + weights.silhouette * losses.silhouette_loss(
+            alpha, target.alpha, area_px=area_px
+        )
+        if weights.coarse_image > 0:
+            differences = torch.cat([rgb - target.rgb, (alpha - target.alpha)[..., None]], dim=-1)
+            total = total + weights.coarse_image * losses.coarse_image_loss(
+                differences, area_px=area_px
+            )
+        if weights.arap > 0:
+            total = total + weights.arap * losses.arap_loss(
+                self._anchors, poses, diagonal=self._diagonal
+            )
+        if weights.rotation > 0:
+            total = total + weights.rotation * losses.rotation_smoothness_loss(self._anchors, poses)
+        if weights.temporal > 0:
+            total = total + weights.temporal * losses.temporal_loss(
+                poses, previous, diagonal=self._diagonal, radius=self._anchors.spacing
+            )
+        if weights.deform > 0 and target.matches is not None and len(target.matches):
+            total = total + weights.deform * self._deformation(target, target.matches, posed)
+        if weights.group > 0 and pairs is not None:
+            total = total + weights.group * self._group(posed, pairs)
+        return total
+
+    def _deformation(
+        self, target: FrameTarget, matches: GaussianMatches, posed: Gaussians
+    ) -> torch.Tensor:
+        points = posed.means[torch.as_tensor(matches.gaussian_ids, device=posed.means.device)]
+        return losses.deformation_loss(
+            project(points, target.camera),
+            torch.as_tensor(matches.target_px, dtype=points.dtype, device=points.device),
+            torch.as_tensor(matches.confidences, dtype=points.dtype, device=points.device),
+            object_px=target.object_px,
+        )
+
+    def _group(self, posed: Gaussians, pairs: RigidPairs) -> torch.Tensor:
+        rest = self._gaussians
+        return losses.group_loss(
+            rest.means[pairs.first] - rest.means[pairs.second],
+            rest.quats_wxyz[pairs.first],
+            posed.means[pairs.first] - posed.means[pairs.second],
+            posed.quats_wxyz[pairs.first],
+            diagonal=self._diagonal,
+        )
+
+
+def project(points: torch.Tensor, camera: Camera) -> torch.Tensor:
+    """Project world points [scene unit], shape (M, 3), to pixels (centres at +0.5), shape (M, 2)."""
+    cam_from_world = torch.as_tensor(
+        camera.cam_from_world, dtype=points.dtype, device=points.device
+    )
+    intrinsics = torch.as_tensor(camera.intrinsics, dtype=points.dtype, device=points.device)
+    in_camera = points @ cam_from_world[:3, :3].T + cam_from_world[:3, 3]
+    homogeneous = in_camera @ intrinsics.T
+    return homogeneous[:, :2] / in_camera[:, 2:].clamp_min(1e-6)
+
+
+def _laplacian_smoother(anchors: Anchors, strength: float) -> torch.Tensor:
+    """Return (I + strength L)^-1 with L the graph Laplacian scaled to mean degree 1. Shape (A, A)."""
+    count = len(anchors)
+    adjacency = np.zeros((count, count))
+    first, second = anchors.edges.cpu().numpy().T
+    adjacency[first, second] = anchors.edge_weights.cpu().numpy()
+    adjacency = (adjacency + adjacency.T) / 2
+    adjacency /= max(adjacency.sum(axis=1).mean(), 1e-12) if count else 1.0
+    laplacian = np.diag(adjacency.sum(axis=1)) - adjacency
+    smoother = np.linalg.inv(np.eye(count) + strength * laplacian)
+    return torch.as_tensor(smoother, dtype=torch.float32, device=anchors.positions.device)

@@ -1,0 +1,148 @@
+"""The whole method, one line a stage: read this file first.
+
+scene -> camera -> anchors -> frame-by-frame tracking -> in-betweens -> clip
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+from scipy.spatial import cKDTree
+
+from animator.deform.anchors import build_anchors
+from animator.match.registry import load_matcher
+from animator.render.protocol import Renderer
+from animator.render.registry import load_renderer
+from animator.rig.bake import ClipLabels, Key, bake_clip
+from animator.scene import Scene
+from animator.sequence.cameras import locate_cameras
+from animator.sequence.driver import ClipProblem, Driver, DriverConfig, SolvedFrame
+from animator.sequence.interpolation import InterpolationConfig, interpolate
+from animator.types import AnchorPoses, Anchors, Camera, Gaussians, RigidGroups
+from exporters.clip import Clip
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FitConfig:
+    """Every choice of a fit; one set of defaults serves all scenes."""
+
+    anchors: int = 200
+    """Wanted number of anchors; becomes the number of joints less one."""
+    inbetween: int = 0
+    """Smooth frames between two keys."""
+    moving_camera: bool = False
+    """Estimate the camera of every frame."""
+    matcher: str = "auto"
+    """`auto`, `flow`, `xfeat` or `roma`."""
+    roma_weights: tuple[str, ...] = ()
+    """Weight files for `roma`, brought by the user."""
+    device: str = "auto"
+    """`auto`, `cpu` or `cuda`."""
+    seed: int = 0
+    """Seed of every random choice."""
+    driver: DriverConfig = dataclasses.field(default_factory=DriverConfig)
+    interpolation: InterpolationConfig = dataclasses.field(default_factory=InterpolationConfig)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Fit:
+    """A finished fit: the clip, and what the report needs to judge it."""
+
+    clip: Clip
+    gaussians: Gaussians
+    anchors: Anchors
+    solved: tuple[SolvedFrame, ...]
+    renderer: Renderer
+
+
+def fit(
+    scene: Scene,
+    labels: ClipLabels,
+    config: FitConfig,
+    *,
+    resume_from: Sequence[SolvedFrame] = (),
+    on_frame: Callable[[int, SolvedFrame], None] = lambda index, solved: None,
+) -> Fit:
+    """Animate the scene's Gaussians so that they follow its frames.
+
+    Args:
+        scene: Gaussians, frames and cameras.
+        labels: Name, rate and axes of the clip.
+        config: Every choice.
+        resume_from: Frames 0..k-1 solved by an earlier, interrupted run of the same configuration.
+        on_frame: Called with the index and the result after each frame.
+
+    Returns:
+        The clip with its solved frames.
+
+    Raises:
+        InputError: If the clip's camera cannot be found, or a backend is missing.
+    """
+    renderer = load_renderer(config.device)
+    matcher = load_matcher(config.matcher, roma_weights=config.roma_weights)
+    cameras = locate_cameras(scene, renderer)
+    anchors = build_anchors(scene.gaussians, target_count=config.anchors)
+    problem = ClipProblem(
+        gaussians=scene.gaussians,
+        anchors=anchors,
+        frames=scene.frames,
+        cameras=cameras,
+        renderer=renderer,
+        matcher=matcher,
+        seed=config.seed,
+        follow_camera=config.moving_camera,
+    )
+    solved = _track(Driver(problem, config.driver), resume_from, on_frame)
+    groups = groups_of_anchors(solved[-1].groups, scene.gaussians, anchors)
+    keys = _keys(solved, scene, anchors, groups, labels.fps, config)
+    clip = bake_clip(scene.gaussians, anchors, groups, keys, labels)
+    return Fit(
+        clip=clip,
+        gaussians=scene.gaussians,
+        anchors=anchors,
+        solved=tuple(solved),
+        renderer=renderer,
+    )
+
+
+def _track(
+    driver: Driver,
+    resume_from: Sequence[SolvedFrame],
+    on_frame: Callable[[int, SolvedFrame], None],
+) -> list[SolvedFrame]:
+    solved = list(resume_from)
+    if not solved:
+        solved.append(driver.first())
+        on_frame(0, solved[0])
+    for index, frame in enumerate(driver.run(solved), start=len(solved)):
+        on_frame(index, frame)
+    return solved
+
+
+def groups_of_anchors(groups: RigidGroups, gaussians: Gaussians, anchors: Anchors) -> RigidGroups:
+    """Give each anchor the rigid group of its nearest Gaussian."""
+    means = gaussians.means.detach().cpu().numpy()
+    nearest = cKDTree(means).query(anchors.positions.cpu().numpy())[1]
+    return RigidGroups(labels=groups.labels[nearest])
+
+
+def _keys(
+    solved: Sequence[SolvedFrame],
+    scene: Scene,
+    anchors: Anchors,
+    groups: RigidGroups,
+    fps: float,
+    config: FitConfig,
+) -> list[Key]:
+    """Lay the solved frames and their in-betweens on the time line, one frame apart."""
+    moments: list[tuple[int, AnchorPoses, Camera]] = []
+    for index, frame in enumerate(solved):
+        if index and config.inbetween:
+            before = solved[index - 1]
+            poses = (anchors, groups, before.poses, frame.poses)
+            between = interpolate(*poses, config.inbetween, config.interpolation)
+            moments += [(-1, pose, before.camera) for pose in between]
+        moments.append((scene.frames.numbers[index], frame.poses, frame.camera))
+    return [
+        Key(time_s=time / fps, source_frame=number, poses=poses, camera=camera)
+        for time, (number, poses, camera) in enumerate(moments)
+    ]

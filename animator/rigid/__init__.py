@@ -1,0 +1,1 @@
+"""Rigid parts: region growing with PnP-RANSAC, then refinement while optimizing."""

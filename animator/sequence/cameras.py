@@ -1,0 +1,30 @@
+"""The camera of every frame: read from a file, or found once from the capture's views."""
+
+from animator.match.features import FeatureMatcher
+from animator.match.flow import FlowMatcher
+from animator.render.protocol import Renderer
+from animator.scene import Scene
+from animator.sequence.camera_pose import CameraTools, find_camera
+from animator.sequence.target import FrameView
+from animator.types import Camera
+
+
+def locate_cameras(scene: Scene, renderer: Renderer) -> tuple[Camera, ...]:
+    """Return one camera a frame.
+
+    Args:
+        scene: Frames, and their cameras if they were read from a file; else frame 0's is found.
+        renderer: Draws the capture views that a missing camera is retrieved from.
+
+    Returns:
+        One camera a frame; all the same unless the file has one for each.
+
+    Raises:
+        InputError: If the camera is neither given nor found.
+    """
+    cameras = scene.frame_cameras
+    if cameras is None:
+        tools = CameraTools(renderer=renderer, features=FeatureMatcher(), matcher=FlowMatcher())
+        first = FrameView.read(scene.frames, 0).masked()
+        cameras = (find_camera(scene.gaussians, scene.capture_cameras, first, tools).camera,)
+    return cameras * len(scene.frames) if len(cameras) == 1 else cameras

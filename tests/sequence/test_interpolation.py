@@ -1,0 +1,99 @@
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from animator import quaternions
+from animator.deform.anchors import build_anchors
+from animator.sequence.interpolation import InterpolationConfig, blend, interpolate
+from animator.types import AnchorPoses, RigidGroups
+from tests.helpers.objects import box_points, gaussians_at
+
+
+@pytest.fixture(scope="module")
+def bar():
+    return build_anchors(
+        gaussians_at(box_points((0, 0, 0), (2.0, 0.4, 0.4), 900, 0)), target_count=30
+    )
+
+
+def turned(anchors, angle_deg: float, where: torch.Tensor) -> AnchorPoses:
+    """Turn the chosen anchors about z through the origin."""
+    half = math.radians(angle_deg) / 2
+    quat = torch.tensor([math.cos(half), 0.0, 0.0, math.sin(half)]).expand(len(anchors), 4)
+    identity = AnchorPoses.identity(anchors).quats_wxyz
+    quats = torch.where(where[:, None], quat, identity)
+    return AnchorPoses(
+        quats_wxyz=quats,
+        translations=quaternions.rotate(quats, anchors.positions) - anchors.positions,
+    )
+
+
+def ungrouped(anchors) -> RigidGroups:
+    return RigidGroups(labels=np.full(len(anchors), -1))
+
+
+def test_blend_meets_both_ends_and_halves_the_angle(bar):
+    start = AnchorPoses.identity(bar)
+    end = turned(bar, 100, torch.ones(len(bar), dtype=torch.bool))
+    for share, pose in ((0.0, start), (1.0, end)):
+        torch.testing.assert_close(blend(start, end, share).quats_wxyz, pose.quats_wxyz)
+        torch.testing.assert_close(blend(start, end, share).translations, pose.translations)
+    middle = blend(start, end, 0.5).quats_wxyz[0]
+    assert 2 * math.degrees(math.acos(middle[0])) == pytest.approx(50, abs=1e-3)
+    flipped = AnchorPoses(quats_wxyz=-end.quats_wxyz, translations=end.translations)
+    assert 2 * math.degrees(
+        math.acos(blend(start, flipped, 0.5).quats_wxyz[0, 0])
+    ) == pytest.approx(50, abs=1e-3)
+
+
+def test_a_half_turned_bar_keeps_its_length_where_a_blend_shrinks_it(bar):
+    everything = torch.ones(len(bar), dtype=torch.bool)
+    start, end = AnchorPoses.identity(bar), turned(bar, 120, everything)
+    (middle,) = interpolate(bar, ungrouped(bar), start, end, 1, InterpolationConfig())
+
+    def length(poses: AnchorPoses) -> float:
+        points = bar.positions + poses.translations
+        ends = bar.positions[:, 0].argmin(), bar.positions[:, 0].argmax()
+        return float((points[ends[0]] - points[ends[1]]).norm())
+
+    rest = length(start)
+    assert length(blend(start, end, 0.5)) < 0.6 * rest  # cos(60 degrees)
+    assert length(middle) == pytest.approx(rest, rel=0.05)
+
+
+def test_count_order_and_determinism(bar):
+    start = AnchorPoses.identity(bar)
+    end = turned(bar, 60, bar.positions[:, 0] > 0)
+    runs = [
+        interpolate(bar, ungrouped(bar), start, end, 3, InterpolationConfig()) for _ in range(2)
+    ]
+    assert [len(run) for run in runs] == [3, 3]
+    tip = int(bar.positions[:, 0].argmax())
+    heights = [float(pose.translations[tip, 1]) for pose in runs[0]]
+    assert heights == sorted(heights)
+    assert heights[0] > 0 and heights[-1] < float(end.translations[tip, 1])
+    for first, second in zip(*runs, strict=True):
+        torch.testing.assert_close(first.translations, second.translations, rtol=0, atol=0)
+
+
+def test_equal_keys_give_equal_in_betweens(bar):
+    pose = turned(bar, 30, torch.ones(len(bar), dtype=torch.bool))
+    for between in interpolate(bar, ungrouped(bar), pose, pose, 2, InterpolationConfig()):
+        torch.testing.assert_close(between.translations, pose.translations, atol=1e-4, rtol=0)
+
+
+def test_rigid_groups_hold_better_with_their_loss(bar):
+    right = bar.positions[:, 0] > 0
+    start, end = AnchorPoses.identity(bar), turned(bar, 110, right)
+    grouped = RigidGroups(labels=np.where(right.numpy(), 0, -1))
+    soft = InterpolationConfig(rigidity=20.0)
+
+    def strain(groups: RigidGroups) -> float:
+        (middle,) = interpolate(bar, groups, start, end, 1, soft)
+        rest = torch.cdist(bar.positions[right], bar.positions[right])
+        points = (bar.positions + middle.translations)[right]
+        return float((torch.cdist(points, points) - rest).abs().mean())
+
+    assert strain(grouped) < 0.7 * strain(ungrouped(bar))
