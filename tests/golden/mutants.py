@@ -92,6 +92,19 @@ def confuse_logit_and_opacity(clip: Clip, form: str) -> Clip:
     return dataclasses.replace(clip, splats=dataclasses.replace(clip.splats, opacities=wrong))
 
 
+def swap_two_harmonics(clip: Clip, form: str) -> Clip:
+    sh_coeffs = clip.splats.sh_coeffs.copy()
+    sh_coeffs[:, [1, 2]] = sh_coeffs[:, [2, 1]]
+    return dataclasses.replace(clip, splats=dataclasses.replace(clip.splats, sh_coeffs=sh_coeffs))
+
+
+def invert_the_camera(clip: Clip, form: str) -> Clip:
+    camera = clip.camera
+    assert camera is not None
+    inverse = np.linalg.inv(camera.cam_from_world)
+    return dataclasses.replace(clip, camera=dataclasses.replace(camera, cam_from_world=inverse))
+
+
 def flip_a_sign(clip: Clip, form: str) -> Clip:
     """The same rotations, but tools that interpolate numbers would turn the long way."""
     quats_wxyz = clip.tracks.quats_wxyz.copy()
@@ -174,6 +187,20 @@ CLIP_MUTANTS = {
         },
         moves=False,
     ),
+    "swap two harmonics": Mutant(
+        breaks=swap_two_harmonics,
+        shows_at={
+            "gltf": ":SH_DEGREE_1_COEF_0/values",
+            "cache": "/radiance:sphericalHarmonicsCoefficients/default",
+            "ply": "/rows",
+        },
+        moves=False,
+    ),
+    "invert the camera": Mutant(
+        breaks=invert_the_camera,
+        shows_at={"gltf": "/nodes/camera/translation", "usd": "/Camera/attributes/xformOp"},
+        moves=False,
+    ),
     "flip a sign": Mutant(
         breaks=flip_a_sign,
         shows_at={"gltf": ".rotation/sign_continuous", "usd": "/rotations/sign_continuous"},
@@ -181,6 +208,20 @@ CLIP_MUTANTS = {
     ),
 }
 """Mistakes in what is written: the clip itself is wrong."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class ConversionMutant:
+    """A mistake in the one module of a format that changes conventions."""
+
+    patches: Callable[[pytest.MonkeyPatch], None]
+    """Puts the mistake in place of the conversion."""
+    form: str
+    """The format that is wrong then."""
+    shows_at: str
+    """Part of the path of at least one difference."""
+    case: str = "random"
+    """The golden clip that shows it."""
 
 
 def forget_gltf_quaternion_order(patch: pytest.MonkeyPatch) -> None:
@@ -195,6 +236,12 @@ def forget_gltf_matrix_order(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(
         order, "column_major", lambda matrices: matrices.astype(np.float32).reshape(-1, 16)
     )
+
+
+def forget_gltf_axes_and_unit(patch: pytest.MonkeyPatch) -> None:
+    from exporters.gltf import write
+
+    patch.setattr(write, "to_y_up_meters", lambda clip: clip)
 
 
 def forget_usd_quaternion_order(patch: pytest.MonkeyPatch) -> None:
@@ -220,9 +267,23 @@ def forget_usd_matrix_order(patch: pytest.MonkeyPatch) -> None:
 
 
 CONVERSION_MUTANTS = {
-    "glTF quaternions as wxyz": (forget_gltf_quaternion_order, "gltf", "/rotation_xyzw"),
-    "glTF matrices as rows": (forget_gltf_matrix_order, "gltf", "/inverse_bind_matrices/values"),
-    "USD quaternions as wxyz": (forget_usd_quaternion_order, "usd", "/rotations/samples"),
-    "USD matrices as columns": (forget_usd_matrix_order, "usd", "/bindTransforms/default"),
+    "glTF quaternions as wxyz": ConversionMutant(
+        patches=forget_gltf_quaternion_order, form="gltf", shows_at="/rotation_xyzw"
+    ),
+    "glTF matrices as rows": ConversionMutant(
+        patches=forget_gltf_matrix_order, form="gltf", shows_at="/inverse_bind_matrices/values"
+    ),
+    "glTF in Z-up centimeters": ConversionMutant(
+        patches=forget_gltf_axes_and_unit,
+        form="gltf",
+        shows_at="/POSITION/values",
+        case="z_up_centimeters",
+    ),
+    "USD quaternions as wxyz": ConversionMutant(
+        patches=forget_usd_quaternion_order, form="usd", shows_at="/rotations/samples"
+    ),
+    "USD matrices as columns": ConversionMutant(
+        patches=forget_usd_matrix_order, form="usd", shows_at="/bindTransforms/default"
+    ),
 }
-"""Mistakes in the one module of a format that changes conventions: (patch, format, shown at)."""
+"""Mistakes in a conversion: the clip is right, the file is not."""

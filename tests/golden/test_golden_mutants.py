@@ -21,21 +21,23 @@ PLAYERS = {
 }
 
 
-def golden_differences(clip: Clip, form: str, folder: Path) -> list[str]:
+def golden_differences(clip: Clip, case: str, form: str, folder: Path) -> list[str]:
+    """Export a clip that may be wrong and compare it with the golden file of the right one."""
     found = FORMATS[form](clip, folder)
-    return differences(json.loads(golden_path(CASE, form).read_text(encoding="utf-8")), found)
+    return differences(json.loads(golden_path(case, form).read_text(encoding="utf-8")), found)
 
 
-def played_error(form: str, folder: Path) -> float:
+def played_error(case: str, form: str, folder: Path) -> float:
     """Return the largest error of the exported file against the true clip, over its diagonal."""
-    truth = CLIPS[CASE]()
+    truth = CLIPS[case]()
     file_name, centers = PLAYERS[form]
     keys = truth.tracks.times_s
     errors = [
         np.abs(centers(folder / file_name, time_s) - playback.clip_centers(truth, time_s)).max()
         for time_s in [*keys, *((keys[1:] + keys[:-1]) / 2)]
     ]
-    return float(max(errors) / np.linalg.norm(np.ptp(truth.splats.positions, axis=0)))
+    diagonal = np.linalg.norm(np.ptp(playback.clip_centers(truth, 0.0), axis=0))
+    return float(max(errors) / diagonal)
 
 
 @pytest.mark.parametrize(
@@ -49,24 +51,25 @@ def test_a_wrong_clip_is_caught(
     # Validation would stop some of them; here the golden files have to.
     monkeypatch.setattr(Clip, "validate", lambda self: None)
     with np.errstate(invalid="ignore"):
-        lines = golden_differences(mutant.breaks(CLIPS[CASE](), form), form, tmp_path)
+        lines = golden_differences(mutant.breaks(CLIPS[CASE](), form), CASE, form, tmp_path)
     assert any(mutant.shows_at[form] in line for line in lines)
     if form in PLAYERS:
-        assert (played_error(form, tmp_path) > 1e-5) == mutant.moves
+        assert (played_error(CASE, form, tmp_path) > 1e-5) == mutant.moves
 
 
 @pytest.mark.parametrize("mistake", CONVERSION_MUTANTS)
 def test_a_wrong_conversion_is_caught(
     mistake: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    mutate, form, shown_at = CONVERSION_MUTANTS[mistake]
-    mutate(monkeypatch)
-    lines = golden_differences(CLIPS[CASE](), form, tmp_path)
-    assert any(shown_at in line for line in lines)
-    assert played_error(form, tmp_path) > 1e-5
+    mutant = CONVERSION_MUTANTS[mistake]
+    mutant.patches(monkeypatch)
+    clip = CLIPS[mutant.case]()
+    lines = golden_differences(clip, mutant.case, mutant.form, tmp_path)
+    assert any(mutant.shows_at in line for line in lines)
+    assert played_error(mutant.case, mutant.form, tmp_path) > 1e-5
 
 
 @pytest.mark.parametrize("form", PLAYERS)
 def test_the_right_clip_is_not_caught(form: str, tmp_path: Path) -> None:
-    assert golden_differences(CLIPS[CASE](), form, tmp_path) == []
-    assert played_error(form, tmp_path) <= 1e-5
+    assert golden_differences(CLIPS[CASE](), CASE, form, tmp_path) == []
+    assert played_error(CASE, form, tmp_path) <= 1e-5
