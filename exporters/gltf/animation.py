@@ -1,6 +1,7 @@
 """Tracks as one animation: linear keys, one time accessor for all channels."""
 
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 import pygltflib
@@ -44,47 +45,48 @@ def add_animation(
         tracks: Motions with T keys each.
         extras: What glTF has no field for, kept with the animation.
     """
+    moving = [channels for track in tracks for channels in _moving_channels(track)]
+    if not moving:
+        return
     animation = pygltflib.Animation(name="clip", extras=extras)
-    times_accessor: int | None = None
-    for track in tracks:
-        for path, nodes, values in _moving_channels(track):
-            if not nodes:
-                continue
-            if times_accessor is None:
-                times_accessor = buffer.add_values(times_s.astype(np.float32), bounds=True)
-            for node, accessor in zip(nodes, buffer.add_tracks(values), strict=True):
-                animation.samplers.append(
-                    pygltflib.AnimationSampler(
-                        input=times_accessor,
-                        output=accessor,
-                        interpolation=pygltflib.ANIM_LINEAR,
-                    )
-                )
-                animation.channels.append(
-                    pygltflib.AnimationChannel(
-                        sampler=len(animation.samplers) - 1,
-                        target=pygltflib.AnimationChannelTarget(node=node, path=path),
-                    )
-                )
-    if animation.channels:
-        document.animations.append(animation)
+    times_accessor = buffer.add_values(times_s.astype(np.float32), bounds=True)
+    for channels in moving:
+        accessors = buffer.add_tracks(channels.values)
+        for node, accessor in zip(channels.nodes, accessors, strict=True):
+            sampler = pygltflib.AnimationSampler(
+                input=times_accessor, output=accessor, interpolation=pygltflib.ANIM_LINEAR
+            )
+            channel = pygltflib.AnimationChannel(
+                sampler=len(animation.samplers),
+                target=pygltflib.AnimationChannelTarget(node=node, path=channels.path),
+            )
+            animation.samplers.append(sampler)
+            animation.channels.append(channel)
+    document.animations.append(animation)
 
 
-def _moving_channels(track: NodeTracks) -> list[tuple[str, list[int], np.ndarray]]:
-    """Return (path, nodes, key values of shape (M', T, D)) of translations and of rotations.
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class _Channels:
+    """The same property of several nodes, all of which leave rest."""
 
-    A property moves if one of its keys differs from rest as the file stores them, in float32.
-    """
+    path: str
+    nodes: list[int]
+    values: np.ndarray
+    """Keys as the file stores them, float32, shape (nodes, T, 3) or (nodes, T, 4)."""
+
+
+def _moving_channels(track: NodeTracks) -> Iterator[_Channels]:
+    """Yield the properties that move: a key differs from rest as the file stores it, in float32."""
+    translations = track.translations.astype(np.float32)
+    shifted = translations != track.rest_translations.astype(np.float32)
     rest_wxyz = np.broadcast_to(track.rest_quats_wxyz, track.quats_wxyz.shape)
     near_rest_wxyz = align_signs(track.quats_wxyz, rest_wxyz)
-    rotated = (order.xyzw(near_rest_wxyz) != order.xyzw(rest_wxyz)).any(axis=(0, 2))
-    translations = track.translations.astype(np.float32)
-    shifted = (translations != track.rest_translations.astype(np.float32)).any(axis=(0, 2))
-    channels = []
-    for path, moves, values in (
+    rotated = order.xyzw(near_rest_wxyz) != order.xyzw(rest_wxyz)
+    for path, differs, values in (
         ("translation", shifted, translations),
         ("rotation", rotated, order.xyzw(track.quats_wxyz)),
     ):
-        nodes = [track.nodes[i] for i in np.flatnonzero(moves)]
-        channels.append((path, nodes, values[:, moves].swapaxes(0, 1)))
-    return channels
+        movers = np.flatnonzero(differs.any(axis=(0, 2)))
+        if len(movers):
+            nodes = [track.nodes[mover] for mover in movers]
+            yield _Channels(path=path, nodes=nodes, values=values[:, movers].swapaxes(0, 1))

@@ -66,8 +66,6 @@ class BinaryBuffer:
         Args:
             tracks: Float32 key values, shape (C, T, 3) or (C, T, 4).
         """
-        if not len(tracks):
-            return []
         view = self._add_view(tracks, None)
         return [
             self._add_accessor(track, view, offset_bytes=index * track.nbytes)

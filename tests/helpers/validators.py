@@ -3,10 +3,12 @@
 They are part of the test suite: where one is missing the tests fail, they are not skipped.
 """
 
+import contextlib
 import dataclasses
 import json
 import shutil
 import subprocess
+import tempfile
 from pathlib import Path
 
 NPM_FOLDER = Path(__file__).parents[1] / "npm"
@@ -60,16 +62,23 @@ def usd_errors(path: Path) -> list[str]:
 
 
 def _install_validator() -> None:
-    """Install the pinned validator on first use."""
-    if (NPM_FOLDER / "node_modules" / "gltf-validator").is_dir():
+    """Install the pinned validator on first use; test processes may run side by side."""
+    target = NPM_FOLDER / "node_modules"
+    if target.is_dir():
         return
     command = [_program("npm"), "ci", "--no-audit", "--no-fund"]
-    result = subprocess.run(command, cwd=NPM_FOLDER, capture_output=True, text=True, check=False)
-    if result.returncode != 0:
-        raise ValidatorMissingError(
-            f"the glTF validator could not be installed; run `npm ci` once in {NPM_FOLDER}, where "
-            f"the npm registry can be reached.\n{result.stderr}"
-        )
+    with tempfile.TemporaryDirectory(dir=NPM_FOLDER, prefix="node_modules_") as staging:
+        for name in ("package.json", "package-lock.json"):
+            shutil.copy(NPM_FOLDER / name, staging)
+        result = subprocess.run(command, cwd=staging, capture_output=True, text=True, check=False)
+        if result.returncode != 0:
+            raise ValidatorMissingError(
+                f"the glTF validator could not be installed; run `npm ci` once in {NPM_FOLDER}, "
+                f"where the npm registry can be reached.\n{result.stderr}"
+            )
+        # Another process may have been faster; then its copy is as good.
+        with contextlib.suppress(OSError):
+            (Path(staging) / "node_modules").rename(target)
 
 
 def _program(name: str) -> str:
