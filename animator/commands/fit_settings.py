@@ -1,0 +1,79 @@
+"""The options of the command line in the words of the stages."""
+
+import dataclasses
+from pathlib import Path
+
+from animator.config import AnimateOptions
+from animator.deform.image_solver import ImageSolverConfig
+from animator.pipeline import FitConfig
+from animator.rig.bake import ClipLabels
+from animator.scene import FrameOptions, Scene, SceneOverrides
+from animator.sequence.driver import DriverConfig
+
+
+def scene_overrides(options: AnimateOptions) -> SceneOverrides:
+    """Return the inputs that the user named."""
+    return SceneOverrides(
+        gaussians=options.gaussians,
+        cameras=options.cameras,
+        frame_camera=options.frame_camera,
+        masks=options.masks,
+    )
+
+
+def frame_options(options: AnimateOptions) -> FrameOptions:
+    """Return which frames to read, and how."""
+    return FrameOptions(
+        numbers=options.frames,
+        every=options.every,
+        fps=options.fps,
+        max_size_px=options.max_size,
+    )
+
+
+def fit_config(options: AnimateOptions) -> FitConfig:
+    """Return every choice of the fit."""
+    return FitConfig(
+        anchors=options.anchors,
+        inbetween=options.inbetween,
+        moving_camera=options.moving_camera,
+        matcher=options.matcher,
+        roma_weights=tuple(str(path) for path in options.roma_weights),
+        device=options.device,
+        seed=options.seed,
+        driver=_driver_config(options),
+    )
+
+
+def clip_labels(options: AnimateOptions, scene: Scene, first_out: Path) -> ClipLabels:
+    """Return what the clip says about itself."""
+    return ClipLabels(
+        name=options.name or first_out.stem,
+        fps=scene.frames.fps,
+        up_axis=options.up_axis,
+        meters_per_unit=options.meters_per_unit,
+    )
+
+
+def _driver_config(options: AnimateOptions) -> DriverConfig:
+    """Apply the ablations of the paper (Table 3) and the number of iterations to the defaults."""
+    return DriverConfig(
+        use_matches=options.deform,
+        use_growing=options.region_growing,
+        use_refinement=options.refinement,
+        image_solver=_image_solver_config(options),
+    )
+
+
+def _image_solver_config(options: AnimateOptions) -> ImageSolverConfig:
+    defaults = ImageSolverConfig()
+    weights = defaults.weights
+    if not options.deform:
+        weights = dataclasses.replace(weights, deform=0.0)
+    if not options.group:
+        weights = dataclasses.replace(weights, group=0.0)
+    return dataclasses.replace(
+        defaults,
+        weights=weights,
+        iterations=options.iterations or defaults.iterations,
+    )

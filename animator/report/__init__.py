@@ -1,0 +1,1 @@
+"""How good a run was: measured per frame, shown as pictures, JSON and HTML."""
