@@ -53,6 +53,16 @@ def _match(cameras: Sequence[Camera], clip: ClipReading, where: str) -> tuple[Ca
         return tuple(by_name[name] for name in names)
     by_number = _by_key([last_number(camera.name) for camera in cameras], cameras)
     if all(number in by_number for number in clip.frames.numbers):
+        if len(cameras) != clip.frame_count:
+            logger.warning(
+                "%s: matched its %d cameras with %d frames by number only (frame %r, camera %r); "
+                "are they the cameras of this clip?",
+                where,
+                len(cameras),
+                clip.frame_count,
+                clip.frames.names[0],
+                by_number[clip.frames.numbers[0]].name,
+            )
         return tuple(by_number[number] for number in clip.frames.numbers)
     ordered = _in_order(cameras, clip)
     if ordered:

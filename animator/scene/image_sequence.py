@@ -131,8 +131,9 @@ def images_from_pattern(path: Path) -> ImageSequence:
 
 def _images_from_glob(path: Path) -> ImageSequence:
     folder = static_folder(path)
-    files = list(folder.glob(str(path.relative_to(folder))))
-    images = [file for file in files if file.suffix.lower() in IMAGE_SUFFIXES and file.is_file()]
+    matches = folder.glob(str(path.relative_to(folder)))
+    files = [file for file in matches if _is_visible_file(file)]
+    images = [file for file in files if file.suffix.lower() in IMAGE_SUFFIXES]
     if not images:
         raise InputError(
             f"{path}: the pattern matches {_describe_files(files)}, expected images "
@@ -160,13 +161,15 @@ def _report_gaps(path: Path, numbers: tuple[int, ...]) -> None:
 
 
 def _visible_files(folder: Path) -> list[Path]:
-    """List files, without hidden ones such as the `._` twins that macOS leaves."""
     try:
-        return [
-            file for file in folder.iterdir() if file.is_file() and not file.name.startswith(".")
-        ]
+        return [file for file in folder.iterdir() if _is_visible_file(file)]
     except OSError as error:
         raise InputError(f"{folder}: cannot be read: {error.strerror or error}.") from error
+
+
+def _is_visible_file(file: Path) -> bool:
+    """Tell files from folders and from hidden ones, such as the `._` twins that macOS leaves."""
+    return file.is_file() and not file.name.startswith(".")
 
 
 def _describe_files(files: Iterable[Path]) -> str:

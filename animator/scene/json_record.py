@@ -23,17 +23,17 @@ def read_json(path: Path) -> Any:
     """
     try:
         size_bytes = path.stat().st_size
-        if size_bytes > _MAX_JSON_BYTES:
-            raise InputError(
-                f"{path}: expected a camera file below {_MAX_JSON_BYTES:,} bytes, found "
-                f"{size_bytes:,} bytes; is this the right file?"
-            )
-        return json.loads(path.read_text(encoding="utf-8-sig"))
+        content = path.read_bytes() if size_bytes <= _MAX_JSON_BYTES else b""
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}.") from error
+    if size_bytes > _MAX_JSON_BYTES:
+        raise InputError(
+            f"{path}: expected a camera file of at most {_MAX_JSON_BYTES:,} bytes, found "
+            f"{size_bytes:,} bytes; is this the right file?"
+        )
+    try:
+        return json.loads(content.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
-        if isinstance(error, InputError):
-            raise
         raise InputError(
             f"{path}: expected JSON, found something else ({error}); "
             "was the file cut off while it was copied?"

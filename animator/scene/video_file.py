@@ -23,6 +23,8 @@ VIDEO_SUFFIXES = frozenset(
 """File name endings that are read as video, lower case."""
 
 _MAX_FPS = 1000.0
+_MAX_FRAME_COUNT = 1e9
+"""Beyond these, what the container says is not believed."""
 _CONTAINER_MARKS = (
     (4, b"ftyp"), (4, b"moov"), (4, b"mdat"), (4, b"wide"), (4, b"free"), (4, b"skip"),  # MP4, MOV
     (0, b"RIFF"), (0, b"\x1aE\xdf\xa3"), (0, b"GIF8"),  # AVI; Matroska, WebM; GIF
@@ -110,11 +112,12 @@ def open_video(path: Path) -> VideoFile:
     capture = _open(path)
     try:
         fps = float(capture.get(cv2.CAP_PROP_FPS))
+        frame_count = float(capture.get(cv2.CAP_PROP_FRAME_COUNT))
         return VideoFile(
             path=path,
             width_px=int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)),
             height_px=int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)),
-            frame_count=max(0, int(capture.get(cv2.CAP_PROP_FRAME_COUNT))),
+            frame_count=int(frame_count) if 0 < frame_count < _MAX_FRAME_COUNT else 0,
             container_fps=fps if 0 < fps <= _MAX_FPS else None,
         )
     finally:
