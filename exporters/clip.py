@@ -176,7 +176,9 @@ class Clip:
         problems = find_problems(self)
         if problems:
             lines = "".join(f"\n  - {problem}" for problem in problems)
-            raise ClipError(f"clip {self.name!r} is not usable; {len(problems)} found:{lines}")
+            raise ClipError(
+                f"clip {self.name!r} is not usable, {len(problems)} problem(s) found:{lines}"
+            )
 
     def bind_matrices(self) -> np.ndarray:
         """Return world-from-joint at rest, for column vectors, float64, shape (J, 4, 4)."""
