@@ -14,7 +14,7 @@ _LONGEST_NAME = 4096
 
 @dataclasses.dataclass(kw_only=True)
 class ByteCursor:
-    """A position in a file that is mapped to memory; the one mutable object of this package."""
+    """A position in a file that is mapped to memory; moves as it reads."""
 
     path: Path
     data: mmap.mmap | bytes

@@ -6,9 +6,8 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from animator.errors import InputError
+from animator.scene.frame_stack import FrameStack
 from animator.scene.image_file import IMAGE_SUFFIXES, Picture
 from animator.scene.image_sequence import (
     ImageSequence,
@@ -25,9 +24,6 @@ logger = logging.getLogger(__name__)
 
 DEFAULT_FPS = 24.0
 """Frames per second where neither the user nor the container says."""
-
-_MAX_CLIP_BYTES = 8 * 2**30
-"""Decoded colors and coverage of all selected frames."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -112,7 +108,7 @@ def read_clip(source: ImageSequence | VideoFile, options: FrameOptions) -> ClipR
     fps, fps_reason = _resolve_fps(options.fps, source.container_fps)
     selection = FrameSelection.parse(numbers=options.numbers, every=options.every)
     target = _TargetSize.of(options.max_size_px)
-    pictures: list[Picture] = []
+    stack = FrameStack(str(source.path), selection.count_in(source.frame_count))
     positions: list[int] = []
     first_name, first_size_px = "", (0, 0)
     for position, picture in source.pictures(selection):
@@ -126,10 +122,17 @@ def read_clip(source: ImageSequence | VideoFile, options: FrameOptions) -> ClipR
                 "frames of one size with --frames."
             )
         positions.append(position)
-        pictures.append(target.fit(picture))
-        _require_memory(pictures, source.path)
+        stack.append(target.fit(picture))
+    images, alphas = stack.arrays()
+    frames = Frames(
+        images=images,
+        alphas=alphas,
+        numbers=_numbers_at(source, positions),
+        names=tuple(stack.names),
+        fps=fps,
+    )
     return ClipReading(
-        frames=_stack(pictures, numbers=_numbers_at(source, positions), fps=fps),
+        frames=frames,
         positions=tuple(positions),
         frame_count=source.frame_count,
         width_px=first_size_px[0],
@@ -173,29 +176,6 @@ def _numbers_at(source: ImageSequence | VideoFile, positions: list[int]) -> tupl
     if isinstance(source, VideoFile):
         return tuple(positions)
     return tuple(source.numbers[position] for position in positions)
-
-
-def _stack(pictures: list[Picture], *, numbers: tuple[int, ...], fps: float) -> Frames:
-    """Move the pictures into one array; empties the list, so that memory never holds both."""
-    width_px, height_px = pictures[0].size_px
-    names = tuple(picture.name for picture in pictures)
-    images = np.empty((len(pictures), height_px, width_px, 3), np.uint8)
-    alphas = np.empty((len(pictures), height_px, width_px), np.uint8)
-    for index in reversed(range(len(pictures))):
-        picture = pictures.pop()
-        images[index], alphas[index] = picture.rgb, picture.alpha
-    return Frames(images=images, alphas=alphas, numbers=numbers, names=names, fps=fps)
-
-
-def _require_memory(pictures: list[Picture], path: Path) -> None:
-    size_bytes = 4 * pictures[0].alpha.size * len(pictures)
-    if size_bytes > _MAX_CLIP_BYTES:
-        width_px, height_px = pictures[0].size_px
-        raise InputError(
-            f"{path}: more than {len(pictures) - 1} frames of {width_px}x{height_px} pixels do "
-            f"not fit into {_MAX_CLIP_BYTES / 2**30:.0f} GiB; keep fewer (--every N, --frames "
-            "0,6,12) or smaller ones."
-        )
 
 
 def _resolve_fps(wanted_fps: float | None, container_fps: float | None) -> tuple[float, str]:

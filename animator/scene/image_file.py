@@ -43,11 +43,15 @@ class Picture:
         """
         import cv2
 
-        coverage = self.alpha.astype(np.float32)[..., None] / 255
         size_px = (width_px, height_px)
+        plain = cv2.resize(self.rgb, size_px, interpolation=cv2.INTER_AREA)
+        if self.alpha.min() == 255:
+            return dataclasses.replace(
+                self, rgb=plain, alpha=np.full((height_px, width_px), 255, np.uint8)
+            )
+        coverage = self.alpha.astype(np.float32)[..., None] / 255
         covered = cv2.resize(self.rgb * coverage, size_px, interpolation=cv2.INTER_AREA)
         alpha = cv2.resize(coverage, size_px, interpolation=cv2.INTER_AREA)
-        plain = cv2.resize(self.rgb, size_px, interpolation=cv2.INTER_AREA)
         is_seen = alpha[..., None] > 0
         rgb = np.where(is_seen, covered / np.where(is_seen, alpha[..., None], 1), plain)
         return dataclasses.replace(

@@ -38,6 +38,10 @@ class FrameSelection:
             return position % self.every == 0
         return (position if number is None else number) in self.numbers
 
+    def count_in(self, frame_count: int) -> int:
+        """Return how many frames of a clip of that length are kept."""
+        return -(-frame_count // self.every) if self.numbers is None else len(self.numbers)
+
     def is_past(self, number: int) -> bool:
         """Return whether all selected frames lie before a number."""
         return self.numbers is not None and number > max(self.numbers)

@@ -1,11 +1,13 @@
+import dataclasses
+
 import cv2
 import numpy as np
 import pytest
 from PIL import Image
 
 from animator.errors import InputError
-from animator.scene import FrameOptions, open_frames, read_frames, select_frames
-from animator.scene import frames as frames_module
+from animator.scene import FrameOptions, frame_stack, open_frames, read_frames, select_frames
+from animator.scene.frames import read_clip
 from animator.scene.image_file import image_size_px
 
 
@@ -164,8 +166,21 @@ class TestOptions:
     def test_downscaling_leaves_small_frames_alone(self, sequence):
         assert read_frames(sequence, FrameOptions(max_size_px=12)).images.shape[1:3] == (8, 12)
 
+    def test_video_longer_than_promised(self, video):
+        source = dataclasses.replace(open_frames(video), frame_count=2)
+        frames = read_clip(source, FrameOptions()).frames
+        np.testing.assert_allclose(gray_level(frames), 30 * np.arange(7), atol=3)
+
+    def test_downscaling_opaque_frames(self, folder):
+        pixels = np.zeros((2, 4, 3), np.uint8)
+        pixels[0, :2] = 200
+        folder.image("a.png", pixels)
+        frames = read_frames(folder.root, FrameOptions(max_size_px=2))
+        assert frames.images[0, 0, :, 0].tolist() == [100, 0]
+        assert (frames.alphas == 255).all()
+
     def test_too_much_for_memory_is_refused(self, sequence, monkeypatch):
-        monkeypatch.setattr(frames_module, "_MAX_CLIP_BYTES", 3 * 4 * 8 * 12)
+        monkeypatch.setattr(frame_stack, "_MAX_BYTES", 3 * 4 * 8 * 12)
         with pytest.raises(InputError, match=r"more than 3 frames of 12x8 pixels .*--every"):
             read_frames(sequence)
         assert len(read_frames(sequence, FrameOptions(every=2))) == 2
@@ -280,6 +295,6 @@ class TestErrors:
     def test_cut_video_is_reported(self, video, caplog):
         source = open_frames(video)
         video.write_bytes(video.read_bytes()[:-600])
-        frames = frames_module.read_clip(source, FrameOptions()).frames
+        frames = read_clip(source, FrameOptions()).frames
         assert 0 < len(frames) < 7
         assert "promises 7 frames" in caplog.text
