@@ -73,6 +73,8 @@ def _define_field(
     field.CreateExtentAttr()
     field.CreateScalesAttr(values.vectors(splats.scales))
     field.CreateOpacitiesAttr(values.floats(splats.opacities))
+    field.CreateProjectionModeHintAttr(UsdVol.Tokens.perspective)
+    field.CreateSortingModeHintAttr(UsdVol.Tokens.zDepth)  # as INRIA's renderer, that trains them
     field.CreateRadianceSphericalHarmonicsDegreeAttr(splats.sh_degree)
     field.CreateRadianceSphericalHarmonicsCoefficientsAttr(
         values.vectors(splats.sh_coeffs.reshape(-1, 3))

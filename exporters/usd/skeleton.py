@@ -1,11 +1,18 @@
 """The rig as a UsdSkel Skeleton, and its tracks as a SkelAnimation."""
 
+import logging
+
 import numpy as np
 from pxr import Usd, UsdSkel
 
 from exporters import keyframes, posing
 from exporters.clip import Clip
 from exporters.usd import names, values
+
+PORTABLE_JOINT_COUNT = 254
+"""What every tool takes: Unreal and Spark index 256 joints by default, Scene Viewer takes 254."""
+
+_log = logging.getLogger(__name__)
 
 
 def define_skeleton(stage: Usd.Stage, clip: Clip, path: str) -> UsdSkel.Skeleton:
@@ -18,6 +25,13 @@ def define_skeleton(stage: Usd.Stage, clip: Clip, path: str) -> UsdSkel.Skeleton
         The skeleton, bound to its animation.
     """
     rig = clip.rig
+    if len(rig) > PORTABLE_JOINT_COUNT:
+        _log.warning(
+            "%s: %d joints; some tools (Unreal by default, Scene Viewer) take %d at most",
+            clip.name,
+            len(rig),
+            PORTABLE_JOINT_COUNT,
+        )
     joints = values.tokens(names.joint_paths(rig.joint_names, rig.parents.tolist()))
     skeleton = UsdSkel.Skeleton.Define(stage, path)
     skeleton.CreateJointsAttr(joints)

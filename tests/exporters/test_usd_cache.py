@@ -64,6 +64,7 @@ def test_static_attributes_once_activated_and_complete(tmp_path):
     np.testing.assert_array_equal(scales.Get(), clip.splats.scales)
     np.testing.assert_array_equal(opacities.Get(), clip.splats.opacities)
     assert field.GetRadianceSphericalHarmonicsDegreeAttr().Get() == 2
+    assert field.GetSortingModeHintAttr().Get() == "zDepth"
     np.testing.assert_array_equal(
         np.array(harmonics.Get()).reshape(-1, 9, 3), clip.splats.sh_coeffs
     )

@@ -160,6 +160,8 @@ def test_influences_are_four_normalized_and_never_twice_one_joint(tmp_path):
     binding = UsdSkel.BindingAPI(prim(stage, "Carrier"))
     for primvar in (binding.GetJointIndicesPrimvar(), binding.GetJointWeightsPrimvar()):
         assert (primvar.GetElementSize(), primvar.GetInterpolation()) == (4, "vertex")
+    # Blender knows no other method, so ours must not depend on one.
+    assert binding.GetSkinningMethodAttr().Get() == "classicLinear"
     weights = np.array(binding.GetJointWeightsPrimvar().Get()).reshape(-1, 4)
     joint_ids = np.array(binding.GetJointIndicesPrimvar().Get()).reshape(-1, 4)
     assert len(weights) == 4 * len(clip.splats)
@@ -203,11 +205,12 @@ def test_root_extent_holds_every_skinned_point_and_ellipsoid(make, tmp_path):
 
 
 @pytest.mark.parametrize("joints", [254, 300])
-def test_many_joints(tmp_path, joints):
+def test_many_joints(tmp_path, caplog, joints):
     clip = clips.random(joints=joints, gaussians=joints, keys=2)
     centers = skinned_points(written(clip, tmp_path), 1.0).mean(axis=1)
     expected = clip.pose_at(1 / 24).positions
     np.testing.assert_allclose(centers, expected, atol=1e-5 * np.ptp(expected))
+    assert ("300 joints" in caplog.text) == (joints == 300)
 
 
 def test_deep_chain(tmp_path):
