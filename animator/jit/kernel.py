@@ -18,6 +18,18 @@ STRICT = frozenset({"nsz", "contract"})
 RELAXED = STRICT | {"arcp", "afn", "reassoc"}
 """Also reciprocals and reordered sums; NaN and infinity still compare as IEEE 754 says."""
 
+_ONLY_PRANGE = {
+    "prange": True,
+    "comprehension": False,
+    "reduction": False,
+    "inplace_binop": False,
+    "setitem": False,
+    "numpy": False,
+    "stencil": False,
+    "fusion": False,
+}
+"""Loops over `prange` become parallel, and nothing else behind the kernel's back."""
+
 LANES_VARIABLE = "SPLATIMATE_SIMD_LANES"
 """Environment variable that overrides the vector width (8 or 16), for tests and odd machines."""
 
@@ -46,7 +58,7 @@ def kernel(
     def compile_later(function: Callable[..., Any]) -> Any:
         function.__qualname__ = f"{function.__qualname__}_{digest}"
         options: dict[str, Any] = {
-            "parallel": parallel,
+            "parallel": dict(_ONLY_PRANGE) if parallel else False,
             "fastmath": set(fastmath),
             "error_model": "numpy",
             "boundscheck": False,

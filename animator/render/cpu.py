@@ -8,8 +8,8 @@ import numba
 import numpy as np
 import torch
 
-from animator.errors import InputError
 from animator.render import blending, projection, tiles
+from animator.render.pinhole import check_pinhole
 from animator.render.projection import GaussianArrays, GaussianGradients, View
 from animator.render.protocol import Rendering, Visibility
 from animator.render.spherical_harmonics import evaluate_colors
@@ -45,7 +45,7 @@ class CpuRenderer:
         """Draw color and alpha, differentiable in all five Gaussian fields.
 
         Raises:
-            InputError: If the camera has skew, or an image size below one pixel.
+            InputError: If the camera is no pinhole, see `check_pinhole`.
         """
         rgb, alpha = self._draw(gaussians, camera, self._colors(gaussians, camera))
         if any(background):
@@ -223,17 +223,5 @@ def _arrays(*fields: torch.Tensor) -> GaussianArrays:
 
 
 def _checked_view(camera: Camera) -> View:
-    """Return the camera for the kernels, refusing what they cannot draw."""
-    name = camera.name or "camera"
-    skew = camera.intrinsics[0, 1]
-    if abs(skew) > 1e-6 * abs(camera.intrinsics[0, 0]):
-        raise InputError(
-            f"{name}: intrinsics[0, 1]: expected no skew, found {skew:g}; undistort the images to "
-            "square axes first"
-        )
-    if camera.width_px < 1 or camera.height_px < 1:
-        raise InputError(
-            f"{name}: expected an image of at least 1 x 1 px, found "
-            f"{camera.width_px} x {camera.height_px}; check the camera file's width and height"
-        )
+    check_pinhole(camera)
     return projection.view_of(camera)

@@ -257,20 +257,11 @@ def project_backward(gaussians, view, records, slots, spans, gradients):
     with_colors = grad_colors.shape[0] > 0
     for i in prange(means.shape[0]):
         record = records[i]
-        if record[HALF_WIDTH] < _ZERO:
-            for c in range(3):
-                grad_means[i, c] = _ZERO
-                grad_scales[i, c] = _ZERO
-                grad_quats[i, c] = _ZERO
-            grad_quats[i, 3] = _ZERO
-            grad_opacities[i] = _ZERO
-            if with_colors:
-                for c in range(3):
-                    grad_colors[i, c] = _ZERO
-            continue
-        sum_1, sum_x, sum_y, sum_xx, sum_xy, sum_yy = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
+        is_visible = record[HALF_WIDTH] >= _ZERO
         first = spans[i, 0]
-        for slot in range(first, first + spans[i, 1]):
+        last = first + spans[i, 1] if is_visible else first
+        sum_1, sum_x, sum_y, sum_xx, sum_xy, sum_yy = _ZERO, _ZERO, _ZERO, _ZERO, _ZERO, _ZERO
+        for slot in range(first, last):
             sum_1 += slots[slot, 0]
             sum_x += slots[slot, 1]
             sum_y += slots[slot, 2]
@@ -280,10 +271,17 @@ def project_backward(gaussians, view, records, slots, spans, gradients):
         if with_colors:
             for c in range(3):
                 total = _ZERO
-                for slot in range(first, first + spans[i, 1]):
+                for slot in range(first, last):
                     total += slots[slot, 6 + c]
                 grad_colors[i, c] = total
-        grad_opacities[i] = -sum_1 / opacities[i]
+        grad_opacities[i] = -sum_1 / opacities[i] if is_visible else _ZERO
+        if not is_visible:
+            for c in range(3):
+                grad_means[i, c] = _ZERO
+                grad_scales[i, c] = _ZERO
+            for c in range(4):
+                grad_quats[i, c] = _ZERO
+            continue
 
         # The inverse covariance [[ia, ib], [ib, ic]] and the gradients of its entries.
         ia = -_TWO / _LOG2_E * record[XX]

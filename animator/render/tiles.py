@@ -141,7 +141,7 @@ def deal_to_tiles(records, order, grid, slot_tiles, tallies, spans, offsets, ent
         order: Visible Gaussians front to back, int32, shape (V,).
         grid: Numbers of tile columns and rows.
         slot_tiles: Scratch, int32, shape (C, S): C chunks of Gaussians have S slots each.
-        tallies: Scratch, int32, shape (C, tiles).
+        tallies: Scratch, int32, shape (C, tiles + 1); the last column counts the slots used.
         spans: Output: first slot and number of slots of each Gaussian, int32, shape (N, 2);
             rows of hidden Gaussians are left alone.
         offsets: Output: where each tile's entries begin, int32, shape (tiles + 1,).
@@ -153,7 +153,6 @@ def deal_to_tiles(records, order, grid, slot_tiles, tallies, spans, offsets, ent
     columns, rows = grid
     chunks, capacity = slot_tiles.shape
     visible = order.shape[0]
-    needs = np.zeros(chunks, np.int64)
     for chunk in prange(chunks):
         tally = tallies[chunk]
         tally[:] = 0
@@ -185,8 +184,10 @@ def deal_to_tiles(records, order, grid, slot_tiles, tallies, spans, offsets, ent
                     used += 1
             spans[order[rank], 0] = chunk * capacity + first
             spans[order[rank], 1] = used - first
-        needs[chunk] = used
-    fullest = needs.max()
+        tally[columns * rows] = used
+    fullest = 0
+    for chunk in range(chunks):
+        fullest = max(fullest, tallies[chunk, columns * rows])
     if fullest > capacity:
         return fullest
 

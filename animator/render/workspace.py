@@ -20,7 +20,7 @@ class Workspace:
         self.records = np.zeros((gaussian_count, RECORD_FLOATS), np.float32)
         self.sort_keys = np.zeros((2, gaussian_count), np.uint32)
         self.order = np.zeros((2, gaussian_count), np.int32)
-        self.tallies = np.zeros((chunk_count, tile_count), np.int32)
+        self.tallies = np.zeros((chunk_count, tile_count + 1), np.int32)
         self.spans = np.zeros((gaussian_count, 2), np.int32)
         self.offsets = np.zeros(tile_count + 1, np.int32)
         self.lasts = np.zeros(tile_count, np.int32)
