@@ -56,9 +56,7 @@ def replacing_folder(path: str | Path) -> Iterator[Path]:
         staged = staging / target.name
         staged.mkdir()
         yield staged
-        previous = staging / "previous"
-        if previous == staged:
-            previous = staging / "previous_folder"
+        previous = staging / f"{target.name}.previous"
         if target.exists():
             target.rename(previous)
         try:

@@ -19,9 +19,9 @@ def find_problems(clip: Clip) -> list[str]:
     Problems of values are looked for only where the shapes are right.
     """
     problems = [*_clip_problems(clip)]
-    problems += _shape_problems(clip)
-    if any("shape" in problem for problem in problems):
-        return problems
+    shape_problems = [*_shape_problems(clip)]
+    if shape_problems:
+        return problems + shape_problems
     problems += _splat_problems(clip.splats)
     problems += _rig_problems(clip.rig)
     problems += _skin_problems(clip.skin, len(clip.rig))
@@ -40,9 +40,10 @@ def _clip_problems(clip: Clip) -> Iterator[str]:
         yield f"meters_per_unit: expected a positive number, got {clip.meters_per_unit}"
     if clip.up_axis not in ("Y", "Z"):
         yield f"up_axis: expected 'Y' or 'Z', got {clip.up_axis!r}"
-    if len(clip.source_frames) not in (0, len(clip.tracks)):
+    key_count = clip.tracks.times_s.size
+    if len(clip.source_frames) not in (0, key_count):
         yield (
-            f"source_frames: expected 0 or {len(clip.tracks)} numbers, one a key, "
+            f"source_frames: expected 0 or {key_count} numbers, one a key, "
             f"got {len(clip.source_frames)}"
         )
 

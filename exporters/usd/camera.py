@@ -28,7 +28,7 @@ def define_camera(
 
     It projects as the intrinsics do.
 
-    With fx = fy cx = w/2 cy = h/2 this is an ordinary lens. Unequal focal lengths go into the
+    With fx = fy, cx = w/2 and cy = h/2 this is an ordinary lens. Unequal focal lengths go into the
     height of the aperture, the principal point into its offsets: the image edges u = 0 and u = w
     lie at -cx/fx and (w - cx)/fx of the focal length, which is aperture/2 either side of the
     offset (`GfCamera::GetFrustum`); upwards, the edge v = 0 lies at +cy/fy.

@@ -59,6 +59,7 @@ BROKEN = {
     "splats.opacities: 1 Gaussians outside 0..1; are these logits?": lambda c: with_part(
         c, "splats", opacities=put(0, 1.5)
     ),
+    "tracks.times_s: expected shape (0,), got ()": lambda c: with_part(c, "tracks", times_s=0.0),
     "skin.joint_ids: 1 Gaussians with a joint outside 0..2": lambda c: with_part(
         c, "skin", joint_ids=put((1, 0), 3)
     ),
