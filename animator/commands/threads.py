@@ -14,5 +14,5 @@ def limit_threads(count: int | None) -> None:
     import torch
 
     torch.set_num_threads(count)
-    numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
+    numba.set_num_threads(min(count, numba.get_num_threads()))
     cv2.setNumThreads(count)

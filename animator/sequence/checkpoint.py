@@ -163,7 +163,7 @@ def _chunks(value: Any) -> Iterator[bytes | memoryview]:
         value = _array(value)
     if isinstance(value, np.ndarray):
         yield f"array {value.dtype.str} {value.shape}".encode()
-        yield memoryview(np.ascontiguousarray(value).reshape(-1)).cast("B")
+        yield np.ascontiguousarray(value).reshape(-1).view(np.uint8).data
     elif dataclasses.is_dataclass(value) and not isinstance(value, type):
         yield f"record {type(value).__name__}".encode()
         for field in dataclasses.fields(value):
