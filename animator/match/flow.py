@@ -34,7 +34,7 @@ class FlowMatcher:
         if window is None:
             return untrusted_flow(source, self.name)
         pair = NormalizedPair.of(window.cut(source), window.cut(target))
-        return window.paste(self.flow_in_window(pair), source)
+        return window.paste(self.flow_in_window(pair), source, target)
 
     def match(self, source: MaskedImage, target: MaskedImage) -> Matches:
         """Match on a grid; see `Matcher.match`."""

@@ -96,6 +96,7 @@ def lift_matches(
         )
     centers = centres_px[visible_ids].astype(np.float64)
     distances, nearest = KDTree(centers).query(matches.source_px.astype(np.float64))
+    distances, nearest = np.asarray(distances), np.asarray(nearest)
     near = np.flatnonzero(distances <= max_distance_px)
     # Nearest first, so that `unique`, which keeps first occurrences, keeps the nearest pixel of
     # each Gaussian.

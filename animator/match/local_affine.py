@@ -73,6 +73,7 @@ def agreeing_matches(
         source = np.asarray(source_px, np.float64)[alive]
         target = np.asarray(target_px, np.float64)[alive]
         _, neighbors = KDTree(source).query(source, k=neighbor_count + 1)
+        neighbors = np.asarray(neighbors)
         agrees = np.zeros(len(alive), bool)
         for start in range(0, len(alive), CHUNK):
             chunk = slice(start, start + CHUNK)

@@ -93,7 +93,7 @@ class RomaMatcher:
         source_cut, target_cut = window.cut(source), window.cut(target)
         warp, certainty = self._match(source_cut, target_cut)
         flow = _dense_flow(warp, certainty, source_cut, target_cut, self._limits, self.name)
-        return window.paste(drop_disagreeing(flow), source)
+        return window.paste(drop_disagreeing(flow), source, target)
 
     def match(self, source: MaskedImage, target: MaskedImage) -> Matches:
         """Draw matches with RoMa's balanced sampler; see `Matcher.match`."""

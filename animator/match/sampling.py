@@ -1,10 +1,8 @@
-"""Reading images at fractional positions, and the one place where +0.5 meets OpenCV's centres."""
+"""Reading images where a flow points: the one place where +0.5 meets OpenCV's pixel centres."""
 
 import numpy as np
 
 OPENCV_FROM_PIXEL = -0.5  # OpenCV puts the centre of the first pixel at 0, this project at 0.5
-
-_ROW_LENGTH = 4096  # cv2.remap refuses maps with a side of 32767 or more, so point lists are folded
 
 
 def pixel_centers(height_px: int, width_px: int) -> np.ndarray:
@@ -14,37 +12,10 @@ def pixel_centers(height_px: int, width_px: int) -> np.ndarray:
     return np.stack(np.meshgrid(xs, ys), axis=-1)
 
 
-def sample(image: np.ndarray, points_px: np.ndarray) -> np.ndarray:
-    """Read an image bilinearly; positions outside take the nearest border pixel.
-
-    Args:
-        image: uint8 or float32, shape (H, W) or (H, W, C) with C <= 4.
-        points_px: Positions, pixel centres at +0.5, finite, shape (M, 2).
-
-    Returns:
-        The values, in the image's dtype, shape (M,) or (M, C).
-    """
-    import cv2
-
-    count = len(points_px)
-    if count == 0:
-        return np.zeros((0, *image.shape[2:]), image.dtype)
-    row_count = -(-count // _ROW_LENGTH)
-    folded = np.zeros((row_count * _ROW_LENGTH, 2), np.float32)
-    folded[:count] = points_px + OPENCV_FROM_PIXEL
-    columns, rows = folded.reshape(row_count, _ROW_LENGTH, 2).transpose(2, 0, 1)
-    values = cv2.remap(
-        image,
-        np.ascontiguousarray(columns),
-        np.ascontiguousarray(rows),
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_REPLICATE,
-    )
-    return values.reshape(row_count * _ROW_LENGTH, *image.shape[2:])[:count]
-
-
 def warp(image: np.ndarray, flow_px: np.ndarray) -> np.ndarray:
     """Pull an image back along a flow: `warp(target, flow)` lines up with the source.
+
+    OpenCV rounds positions to 1/32 px, and positions outside take the nearest border pixel.
 
     Args:
         image: What to read, shape (H, W) or (H, W, C).

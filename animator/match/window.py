@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 
 from animator.match.protocol import FlowField, MaskedImage
+from animator.match.sampling import inside_mask, pixel_centers
 
 MARGIN_PX = 16
 """Room kept around the object's box, so that patches on its outline see some background."""
@@ -49,10 +50,12 @@ class Window:
         size = (self.work_width_px, self.work_height_px)
         if size != (self.width_px, self.height_px):
             shrinks = self.work_width_px < self.width_px
-            rgb = cv2.resize(
-                rgb, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC
-            )
-            coverage = cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
+            method = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+            # Averaged over the object only: the background must not bleed into its outline.
+            weights = mask.astype(np.float32)
+            coverage = cv2.resize(weights, size, interpolation=method)
+            total = cv2.resize(rgb * weights[..., None], size, interpolation=method)
+            rgb = np.rint(total / np.maximum(coverage, 1e-3)[..., None]).astype(np.uint8)
             mask = coverage > 0.5
         below = -self.work_height_px % SIDE_MULTIPLE_PX
         right = -self.work_width_px % SIDE_MULTIPLE_PX
@@ -69,8 +72,8 @@ class Window:
         """Map positions of the window into the whole image, both with pixel centres at +0.5."""
         return points_px / self.scale + np.array([self.left_px, self.top_px])
 
-    def paste(self, work: FlowField, source: MaskedImage) -> FlowField:
-        """Return a flow of the window as one of the whole image, trusted on the object only."""
+    def paste(self, work: FlowField, source: MaskedImage, target: MaskedImage) -> FlowField:
+        """Return a flow of the window as one of the whole image, trusted from object to object."""
         import cv2
 
         flow = np.ascontiguousarray(work.flow_px[: self.work_height_px, : self.work_width_px])
@@ -85,6 +88,11 @@ class Window:
         pasted = untrusted_flow(source, work.matcher)
         pasted.flow_px[rows, columns] = flow / self.scale
         pasted.confidences[rows, columns] = trust
+        # Resampling blurred the masks' outlines; here they are exact again.
+        landing = pixel_centers(self.height_px, self.width_px) + pasted.flow_px[rows, columns]
+        landing += np.array([self.left_px, self.top_px], np.float32)
+        lands = inside_mask(target.mask, landing.reshape(-1, 2)).reshape(landing.shape[:2])
+        pasted.confidences[rows, columns][~lands] = 0
         pasted.confidences[~source.mask] = 0
         return pasted
 

@@ -67,7 +67,7 @@ class XFeatMatcher:
             work = FlowMatcher(limits=self._limits).flow_in_window(pair)
         else:
             work = self._flow_from_seeds(pair, seeds)
-        return window.paste(work, source)
+        return window.paste(work, source, target)
 
     def match(self, source: MaskedImage, target: MaskedImage) -> Matches:
         """Match on a grid; see `Matcher.match`."""

@@ -159,7 +159,7 @@ def find_camera(
     if seed.inlier_count == 0:
         raise InputError(
             "--frame-camera auto: no capture view matches the frame well enough to solve its "
-            f"camera; the best, {name}, shares {view.cell_count} cells and {seed.match_count} points "
+            f"camera; the best, {name}, shares {view.cell_count} cells, {seed.match_count} points "
             "with it. The frame must show the object in its rest pose; if it does, give its camera "
             "with --frame-camera FILE"
         )
@@ -172,7 +172,7 @@ def find_camera(
         inlier_counts=(seed.inlier_count, *refined.report.inlier_counts),
     )
     _log.info(
-        "camera found from %s: %d cells, %d of %d matches within %.2f px, silhouette IoU %.3f",
+        "camera from %s: %d cells, %d of %d matches within %.2f px, silhouette IoU %.3f",
         name,
         report.cell_count,
         report.inlier_counts[-1],
