@@ -103,10 +103,10 @@ def _camera(image: _Image, lenses: dict[int, Lens]) -> Camera:
 
 
 def _rotation_from_quat(quat_wxyz: np.ndarray, where: str) -> np.ndarray:
-    norm = np.linalg.norm(quat_wxyz)
-    if not (np.isfinite(norm) and norm > 1e-6):
+    largest = float(np.abs(quat_wxyz).max())
+    if not 1e-6 < largest < 1e6:
         raise InputError(f"{where}: expected a unit quaternion, found {quat_wxyz.tolist()}.")
-    w, x, y, z = quat_wxyz / norm
+    w, x, y, z = quat_wxyz / np.linalg.norm(quat_wxyz)
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],

@@ -43,7 +43,8 @@ class Lens:
             where: File and position, for messages.
 
         Raises:
-            InputError: If the image has no plausible size or a focal length is not positive.
+            InputError: If the image has no plausible size, a focal length is not positive, or the
+            principal point is not finite.
         """
         for field, side_px in (("width", self.width_px), ("height", self.height_px)):
             if not 1 <= side_px <= _MAX_SIDE_PX:
@@ -56,6 +57,11 @@ class Lens:
                     f"{where}: focal length {field}: expected a positive number of pixels, "
                     f"found {focal_px:g}."
                 )
+        if not (np.isfinite(self.cx_px) and np.isfinite(self.cy_px)):
+            raise InputError(
+                f"{where}: principal point: expected finite numbers, found "
+                f"({self.cx_px}, {self.cy_px})."
+            )
         intrinsics = np.array(
             [[self.fx_px, 0.0, self.cx_px], [0.0, self.fy_px, self.cy_px], [0.0, 0.0, 1.0]]
         )
@@ -80,8 +86,10 @@ def rigid_transform(rotation: np.ndarray, translation: np.ndarray, *, where: str
         Rigid transformation, float64, shape (4, 4).
 
     Raises:
-        InputError: If the matrix shears, stretches or mirrors.
+        InputError: If the matrix shears, stretches or mirrors, or a number is not finite.
     """
+    if not (np.isfinite(rotation).all() and np.isfinite(translation).all()):
+        raise InputError(f"{where}: expected a pose of finite numbers, found NaN or Inf.")
     u, singular, vt = np.linalg.svd(rotation)
     is_stretched = singular[0] - singular[2] > _ROTATION_TOLERANCE * singular[0]
     if is_stretched or singular[2] <= 0 or np.linalg.det(rotation) <= 0:

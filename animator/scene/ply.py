@@ -64,8 +64,8 @@ def read_ply(path: str | Path) -> Gaussians:
 
     means = _stack(columns, _POSITION)
     rotations = _stack(columns, _ROTATION)
-    norms = np.linalg.norm(rotations, axis=1)
-    with np.errstate(over="ignore", under="ignore"):
+    with np.errstate(over="ignore", under="ignore"):  # what overflows is counted as broken below
+        norms = np.linalg.norm(rotations, axis=1)
         scales = np.exp(_stack(columns, _SCALE)).astype(np.float32)
     opacities = np.clip(expit(_stack(columns, ("opacity",))[:, 0]), *_OPACITY_RANGE)
     sh_coeffs = _sh_coeffs(columns, path)

@@ -214,6 +214,23 @@ class TestColmap:
             with pytest.raises(InputError, match=name):
                 read_cameras(path.parent)
 
+    @pytest.mark.parametrize(
+        ("position", "expected"),
+        [(20, "unit quaternion"), (44, "pose of finite numbers")],  # QX, TX
+        ids=["quaternion", "translation"],
+    )
+    def test_binary_nan_is_refused(self, folder, position, expected):
+        path = colmap_binary(folder, 1, (100, 120, 30, 20)) / "images.bin"
+        data = bytearray(path.read_bytes())
+        data[position : position + 8] = struct.pack("<d", np.nan)
+        path.write_bytes(data)
+        with pytest.raises(InputError, match=expected):
+            read_cameras(path)
+
+    def test_binary_principal_point_must_be_finite(self, folder):
+        with pytest.raises(InputError, match=r"principal point: .* found \(nan, 20"):
+            read_cameras(colmap_binary(folder, 1, (100, 120, np.nan, 20)))
+
     def test_absurd_count_is_refused(self, folder):
         path = colmap_binary(folder, 1, (100, 120, 30, 20))
         (path / "images.bin").write_bytes(struct.pack("<Q", 2**62) + bytes(100))
