@@ -1,0 +1,1 @@
+"""How the example object is made from nothing: surfaces, patterns, splats, pictures."""
