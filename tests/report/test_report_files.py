@@ -159,6 +159,11 @@ def test_a_chart_puts_larger_values_higher():
     assert last < float(threshold.get("y1")) < first
 
 
+def test_a_chart_writes_thousands_without_exponent():
+    texts = [text.text for text in svg_of(0.0, 1430.0).findall("text")]
+    assert texts[:3] == ["0", "715", "1,430"]
+
+
 @pytest.mark.parametrize("values", [(), (1.0,), (math.nan,), (2.0, 2.0), (math.inf, 1.0)])
 def test_a_chart_of_odd_values_is_still_a_picture(values):
     svg = svg_of(*values)
