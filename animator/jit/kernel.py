@@ -15,8 +15,8 @@ _log = logging.getLogger(__name__)
 STRICT = frozenset({"nsz", "contract"})
 """Fused multiply-add and unsigned zeros: keeps NaN tests and the order of additions intact."""
 
-RELAXED = STRICT | {"arcp", "afn", "reassoc"}
-"""Also reciprocals and reordered sums; NaN and infinity still compare as IEEE 754 says."""
+RELAXED = STRICT | {"arcp", "afn"}
+"""Also divisions by reciprocals and approximate functions."""
 
 _ONLY_PRANGE = {
     "prange": True,

@@ -12,6 +12,8 @@ as int64, offsets count floats; nothing is bounds-checked.
 
 import operator
 import os
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from llvmlite import binding, ir
@@ -197,10 +199,15 @@ def _lower_invert(_context, builder, _signature, arguments):
     return builder.not_(arguments[0])
 
 
+def _operation(generator: Callable[..., Any]) -> Any:
+    """Make an operation that kernels call without the generator's first argument, the typing."""
+    return intrinsic(generator)
+
+
 # --- lanes and memory ----------------------------------------------------------------------------
 
 
-@intrinsic
+@_operation
 def splat(_typing, scalar):
     """Return a vector with one float32 in every lane."""
 
@@ -210,7 +217,7 @@ def splat(_typing, scalar):
     return VECTOR(types.float32), generate
 
 
-@intrinsic
+@_operation
 def lane_indices(_typing):
     """Return the vector 0, 1, 2, ..."""
 
@@ -220,7 +227,7 @@ def lane_indices(_typing):
     return VECTOR(), generate
 
 
-@intrinsic
+@_operation
 def load(_typing, address, offset):
     """Read the vector at `address` plus `offset` floats."""
 
@@ -230,7 +237,7 @@ def load(_typing, address, offset):
     return VECTOR(types.int64, types.int64), generate
 
 
-@intrinsic
+@_operation
 def store(_typing, address, offset, vector):
     """Write the vector at `address` plus `offset` floats."""
 
@@ -241,7 +248,7 @@ def store(_typing, address, offset, vector):
     return types.void(types.int64, types.int64, VECTOR), generate
 
 
-@intrinsic
+@_operation
 def load_rgb(_typing, address, offset):
     """Read `3 * LANES` interleaved floats as three vectors: reds, greens, blues."""
 
@@ -266,7 +273,7 @@ def load_rgb(_typing, address, offset):
     return types.UniTuple(VECTOR, 3)(types.int64, types.int64), generate
 
 
-@intrinsic
+@_operation
 def store_rgb(_typing, address, offset, red, green, blue):
     """Write three vectors as `3 * LANES` interleaved floats."""
 
@@ -290,7 +297,7 @@ def store_rgb(_typing, address, offset, red, green, blue):
 # --- selection and reduction ---------------------------------------------------------------------
 
 
-@intrinsic
+@_operation
 def select(_typing, mask, where_true, where_false):
     """Pick `where_true` in the lanes of the mask and `where_false` elsewhere."""
 
@@ -300,7 +307,7 @@ def select(_typing, mask, where_true, where_false):
     return VECTOR(MASK, VECTOR, VECTOR), generate
 
 
-@intrinsic
+@_operation
 def any_lane(_typing, mask):
     """Tell whether the mask is set in any lane."""
 
@@ -311,7 +318,7 @@ def any_lane(_typing, mask):
     return types.boolean(MASK), generate
 
 
-@intrinsic
+@_operation
 def horizontal_sum(_typing, vector):
     """Add up the lanes, in the order LLVM's reduction tree chooses for the target."""
 
@@ -327,7 +334,7 @@ def horizontal_sum(_typing, vector):
     return types.float32(VECTOR), generate
 
 
-@intrinsic
+@_operation
 def store_sums(_typing, address, offset, v0, v1, v2, v3, v4, v5, v6, v7):
     """Write the lane sums of eight vectors as eight consecutive floats.
 
@@ -387,7 +394,7 @@ _ROUNDING = 12582912.0
 """1.5 * 2**23: adding it rounds a float32 to an integer, left in the low bits of the mantissa."""
 
 
-@intrinsic
+@_operation
 def exp2(_typing, exponent):
     """Return 2**exponent, relative error below 4e-7, for exponents in [-126, 127].
 
@@ -408,7 +415,7 @@ def exp2(_typing, exponent):
     return VECTOR(VECTOR), generate
 
 
-@intrinsic
+@_operation
 def reciprocal(_typing, vector):
     """Return 1 / vector for normal positive numbers, relative error below 3e-7.
 

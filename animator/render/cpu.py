@@ -127,7 +127,7 @@ class CpuRenderer:
             )
         visible = tiles.sort_by_depth(work.records, work.sort_keys, work.order)
         needed = _deal(work, visible)
-        if needed > work.slot_tiles.shape[1]:
+        if needed > work.touched.shape[1]:
             work.reserve_slots(needed + needed // 4)
             _deal(work, visible)
         return lease
@@ -138,7 +138,7 @@ def _deal(work: Workspace, visible: int) -> int:
         work.records,
         work.order[1, :visible],
         work.grid,
-        work.slot_tiles,
+        work.touched,
         work.tallies,
         work.spans,
         work.offsets,

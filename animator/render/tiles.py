@@ -42,6 +42,8 @@ _HALF = _F(0.5)
 _ONE = _F(1)
 _COLUMN = _F(TILE_WIDTH)
 _ROW = _F(TILE_HEIGHT)
+_PER_COLUMN = _F(1 / TILE_WIDTH)
+_PER_ROW = _F(1 / TILE_HEIGHT)
 _RADIX_BITS = 11
 _BUCKETS = 1 << _RADIX_BITS
 _LOG2_E = _F(splat_rules.LOG2_E)
@@ -97,9 +99,9 @@ def sort_by_depth(records, keys, order):
 
 
 @njit(fastmath=set(STRICT), error_model="numpy")
-def _tile_index(position_px, tile_px, count):
+def _tile_index(position_px, tiles_per_px, count):
     """Return the tile that holds a position, limited to 0..count (as floats: no overflow)."""
-    return int(min(max(math.floor(position_px / tile_px), _ZERO), _F(count)))
+    return int(min(max(position_px * tiles_per_px, _ZERO), _F(count)))
 
 
 @njit(fastmath=set(STRICT), error_model="numpy")
@@ -133,26 +135,29 @@ def _row_reach(record, top, bottom):
 
 
 @kernel(parallel=True, fastmath=STRICT, depends_on=(projection, simd, splat_rules))
-def deal_to_tiles(records, order, grid, slot_tiles, tallies, spans, offsets, entries):
+def deal_to_tiles(records, order, grid, touched, tallies, spans, offsets, entries):
     """Deal the sorted Gaussians to the tiles.
 
     Args:
         records: Projected Gaussians.
         order: Visible Gaussians front to back, int32, shape (V,).
         grid: Numbers of tile columns and rows.
-        slot_tiles: Scratch, int32, shape (C, S): C chunks of Gaussians have S slots each.
-        tallies: Scratch, int32, shape (C, tiles + 1); the last column counts the slots used.
-        spans: Output: first slot and number of slots of each Gaussian, int32, shape (N, 2);
-            rows of hidden Gaussians are left alone.
+        touched: Scratch for the tiles of one Gaussian after the other, int32, shape (C, S): the
+            Gaussians are dealt in C chunks of at most S pairs.
+        tallies: Scratch, int32, shape (C, tiles + 1); the last column counts a chunk's pairs.
+        spans: Output: first slot and number of slots of each Gaussian, int32, shape (N, 2).
         offsets: Output: where each tile's entries begin, int32, shape (tiles + 1,).
         entries: Output: Gaussian and slot of each entry, int32, shape (C S, 2).
 
     Returns:
-        The slots the fullest chunk needs; nothing is dealt if that is more than S.
+        The pairs of the fullest chunk; nothing is dealt if that is more than S.
     """
     columns, rows = grid
-    chunks, capacity = slot_tiles.shape
+    tile_count = columns * rows
+    chunks, capacity = touched.shape
     visible = order.shape[0]
+    for i in range(spans.shape[0]):
+        spans[i, 1] = 0
     for chunk in prange(chunks):
         tally = tallies[chunk]
         tally[:] = 0
@@ -162,10 +167,10 @@ def deal_to_tiles(records, order, grid, slot_tiles, tallies, spans, offsets, ent
             first = used
             center_x, center_y = record[X] - _HALF, record[Y] - _HALF
             half_width, half_height = record[HALF_WIDTH], record[HALF_HEIGHT]
-            row_begin = _tile_index(center_y - half_height, _ROW, rows)
-            row_end = _tile_index(center_y + half_height + _ROW, _ROW, rows)
-            column_begin = _tile_index(center_x - half_width, _COLUMN, columns)
-            column_end = _tile_index(center_x + half_width + _COLUMN, _COLUMN, columns)
+            row_begin = _tile_index(center_y - half_height, _PER_ROW, rows)
+            row_end = _tile_index(center_y + half_height + _ROW, _PER_ROW, rows)
+            column_begin = _tile_index(center_x - half_width, _PER_COLUMN, columns)
+            column_end = _tile_index(center_x + half_width + _COLUMN, _PER_COLUMN, columns)
             is_simple = row_end - row_begin <= 1 or column_end - column_begin <= 1
             for row in range(row_begin, row_end):
                 begin, end = column_begin, column_end
@@ -175,39 +180,45 @@ def deal_to_tiles(records, order, grid, slot_tiles, tallies, spans, offsets, ent
                     if top > bottom:
                         continue
                     left, right = _row_reach(record, top, bottom)
-                    begin = max(begin, _tile_index(center_x + left, _COLUMN, columns))
-                    end = min(end, _tile_index(center_x + right + _COLUMN, _COLUMN, columns))
+                    begin = max(begin, _tile_index(center_x + left, _PER_COLUMN, columns))
+                    end = min(end, _tile_index(center_x + right + _COLUMN, _PER_COLUMN, columns))
                 for tile in range(row * columns + begin, row * columns + end):
                     if used < capacity:
-                        slot_tiles[chunk, used] = tile
+                        touched[chunk, used] = tile
                         tally[tile] += 1
                     used += 1
-            spans[order[rank], 0] = chunk * capacity + first
             spans[order[rank], 1] = used - first
-        tally[columns * rows] = used
+        tally[tile_count] = used
+
     fullest = 0
     for chunk in range(chunks):
-        fullest = max(fullest, tallies[chunk, columns * rows])
+        fullest = max(fullest, tallies[chunk, tile_count])
     if fullest > capacity:
         return fullest
 
+    # Slots follow the order of the Gaussians in memory, where their gradients are added up.
     start = 0
-    for tile in range(columns * rows):
+    for i in range(spans.shape[0]):
+        spans[i, 0] = start
+        start += spans[i, 1]
+    start = 0
+    for tile in range(tile_count):
         offsets[tile] = start
         for chunk in range(chunks):
             size = tallies[chunk, tile]
             tallies[chunk, tile] = start
             start += size
-    offsets[columns * rows] = start
+    offsets[tile_count] = start
     for chunk in prange(chunks):
         places = tallies[chunk]
+        used = 0
         for rank in range(visible * chunk // chunks, visible * (chunk + 1) // chunks):
             i = order[rank]
-            first = spans[i, 0] - chunk * capacity
-            for used in range(first, first + spans[i, 1]):
-                tile = slot_tiles[chunk, used]
+            for slot in range(spans[i, 0], spans[i, 0] + spans[i, 1]):
+                tile = touched[chunk, used]
+                used += 1
                 place = places[tile]
                 places[tile] = place + 1
                 entries[place, 0] = i
-                entries[place, 1] = chunk * capacity + used
+                entries[place, 1] = slot
     return fullest

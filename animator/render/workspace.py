@@ -31,7 +31,7 @@ class Workspace:
     def reserve_slots(self, slots_per_chunk: int) -> None:
         """Make room for pairs of a tile and a Gaussian."""
         chunk_count = self.key[-1]
-        self.slot_tiles = np.zeros((chunk_count, slots_per_chunk), np.int32)
+        self.touched = np.zeros((chunk_count, slots_per_chunk), np.int32)
         self.entries = np.zeros((chunk_count * slots_per_chunk, 2), np.int32)
 
     def slots(self, with_colors: bool) -> np.ndarray:
