@@ -8,9 +8,8 @@ AFFINE_REACH_PX = 30.0
 CHUNK = 8192
 """Fits solved at once; bounds memory to a few MB for any number of matches and pixels."""
 
-_RIDGE = np.diag(
-    [0.05, 0.05, 1e-6]
-)  # pulls the linear part to the identity when neighbours are collinear
+# Pulls the linear part to the identity where neighbors are collinear; too weak to fight rotations.
+_RIDGE = np.diag([0.01, 0.01, 1e-6])
 _RESIDUAL_SCALE_PX = 3.0
 _MIN_SUPPORT_SHARE = 0.4
 
