@@ -9,7 +9,7 @@ where s_k = +-1 turns q_k into the half-space of the first influence, since q an
 rotation. Rotations act on the left: the paper prints q * q_blend, at odds with its Eqs. 1 and 4.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -20,6 +20,7 @@ from animator.types import AnchorPoses, Anchors
 
 _F = np.float32
 _ZERO = _F(0)
+_HALF = _F(0.5)
 _ONE = _F(1)
 _TWO = _F(2)
 
@@ -28,6 +29,15 @@ _CHUNK = 2048
 
 _MAX_CHUNKS = 16
 """Upper bound of the accumulators, which must stay small beside the Gaussians themselves."""
+
+
+class _Table(NamedTuple):
+    """The anchors' transforms as the kernels read them."""
+
+    transforms: np.ndarray
+    """R_k by rows (9), a_k + T_k - R_k a_k (3), unit q_k (4): float32, shape (A, 16)."""
+    is_one_sided: bool
+    """Whether all rotations lie in one half-space, so that no sign needs a look."""
 
 
 class Skinner:
@@ -72,23 +82,26 @@ class Skinner:
         means, quats = _Skin.apply(quats.float().cpu(), translations.float().cpu(), self)
         return means.to(self.device), quats.to(self.device)
 
-    def _pose(self, anchor_quats: np.ndarray, translations: np.ndarray) -> tuple[np.ndarray, ...]:
+    def _pose(
+        self, anchor_quats: np.ndarray, translations: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, "_Table"]:
         """Return the posed centres and rotations, and the table of anchor transforms."""
         transforms = np.empty((len(self._anchors), 16), np.float32)
-        _tabulate(anchor_quats, translations, self._anchors, transforms)
+        is_one_sided = _tabulate(anchor_quats, translations, self._anchors, transforms)
+        table = _Table(transforms, is_one_sided)
         means, quats = np.empty_like(self._means), np.empty_like(self._quats)
         influences = (self._ids, self._weights)
         rest = (self._means, self._quats)
-        _skin_forward(transforms, influences, rest, self._origin, (means, quats))
-        return means, quats, transforms
+        _skin_forward(*table, influences, rest, self._origin, (means, quats))
+        return means, quats, table
 
     def _pose_gradients(
-        self, anchor_quats: np.ndarray, transforms: np.ndarray, grads: tuple[np.ndarray, np.ndarray]
+        self, anchor_quats: np.ndarray, table: "_Table", grads: tuple[np.ndarray, np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the gradients of the anchors' rotations and translations."""
         influences = (self._ids, self._weights)
         rest = (self._means, self._quats)
-        _skin_backward(transforms, influences, rest, grads, self._accumulators)
+        _skin_backward(*table, influences, rest, grads, self._accumulators)
         grad_quats, grad_translations = np.empty_like(anchor_quats), np.empty_like(self._anchors)
         _reduce_to_poses(
             self._accumulators, anchor_quats, self._anchors, (grad_quats, grad_translations)
@@ -126,7 +139,7 @@ class _Skin(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, quats: torch.Tensor, translations: torch.Tensor, skinner: Skinner) -> Any:
         anchor_quats = _array(quats, np.float32)
-        means, posed_quats, ctx.transforms = skinner._pose(
+        means, posed_quats, ctx.table = skinner._pose(
             anchor_quats, _array(translations, np.float32)
         )
         ctx.anchor_quats, ctx.skinner = anchor_quats, skinner
@@ -136,16 +149,19 @@ class _Skin(torch.autograd.Function):
     def backward(ctx: Any, *grads: torch.Tensor) -> Any:
         grad_means, grad_quats = (_array(grad, np.float32) for grad in grads)
         anchor_grads = ctx.skinner._pose_gradients(
-            ctx.anchor_quats, ctx.transforms, (grad_means, grad_quats)
+            ctx.anchor_quats, ctx.table, (grad_means, grad_quats)
         )
         return *map(torch.from_numpy, anchor_grads), None
 
 
-# A row of the table of transforms: R_k by rows (9), a_k + T_k - R_k a_k (3), unit q_k (4).
-
-
 @kernel()
 def _tabulate(anchor_quats, translations, anchors, transforms):
+    """Fill the table; return whether no two rotations can lie in opposite half-spaces.
+
+    They cannot if all are within 45 degrees (as quaternions) of one direction. That is the usual
+    case, and saves comparing the signs of every Gaussian's influences.
+    """
+    middle = np.zeros(4, np.float32)
     for k in range(anchors.shape[0]):
         w, x, y, z, _inverse_norm = _unit(anchor_quats, k)
         row = transforms[k]
@@ -164,6 +180,13 @@ def _tabulate(anchor_quats, translations, anchors, transforms):
                 rotated += row[3 * r + c] * anchors[k, c]
             row[9 + r] = anchors[k, r] - rotated + translations[k, r]
         row[12], row[13], row[14], row[15] = w, x, y, z
+        middle += row[12:]
+    closest = _HALF * np.sum(middle * middle)
+    for k in range(anchors.shape[0]):
+        along = np.sum(transforms[k, 12:] * middle)
+        if along <= _ZERO or along * along <= closest:
+            return False
+    return True
 
 
 @njit(fastmath=True, error_model="numpy")
@@ -178,14 +201,16 @@ def _unit(quats, index):
 
 
 @njit(fastmath=True, error_model="numpy")
-def _signed_weight(weight, row, first):
+def _signed_weight(weight, row, first, is_one_sided):
     """Return the weight of a rotation, negated if it lies opposite the first influence's."""
+    if is_one_sided:
+        return weight
     dot = row[12] * first[12] + row[13] * first[13] + row[14] * first[14] + row[15] * first[15]
     return -weight if dot < _ZERO else weight
 
 
 @kernel(parallel=True, fastmath=RELAXED)
-def _skin_forward(transforms, influences, rest, origin, posed):
+def _skin_forward(transforms, is_one_sided, influences, rest, origin, posed):
     ids, weights = influences
     means, quats = rest
     posed_means, posed_quats = posed
@@ -205,7 +230,7 @@ def _skin_forward(transforms, influences, rest, origin, posed):
             mean_x += weight * (m[0] * x + m[1] * y + m[2] * z + m[9])
             mean_y += weight * (m[3] * x + m[4] * y + m[5] * z + m[10])
             mean_z += weight * (m[6] * x + m[7] * y + m[8] * z + m[11])
-            signed = _signed_weight(weight, m, first)
+            signed = _signed_weight(weight, m, first, is_one_sided)
             b0 += signed * m[12]
             b1 += signed * m[13]
             b2 += signed * m[14]
@@ -226,7 +251,7 @@ def _skin_forward(transforms, influences, rest, origin, posed):
 
 
 @kernel(parallel=True, fastmath=RELAXED)
-def _skin_backward(transforms, influences, rest, grads, accumulators):
+def _skin_backward(transforms, is_one_sided, influences, rest, grads, accumulators):
     ids, weights = influences
     means, quats = rest
     grad_means, grad_quats = grads
@@ -234,6 +259,8 @@ def _skin_backward(transforms, influences, rest, grads, accumulators):
     for chunk in prange(chunks):
         table = accumulators[chunk]
         table[:] = _ZERO
+        unit = np.empty(16, np.float32)
+        signed = np.empty(ids.shape[1], np.float32)
         for i in range(count * chunk // chunks, count * (chunk + 1) // chunks):
             x, y, z = means[i, 0], means[i, 1], means[i, 2]
             gx, gy, gz = grad_means[i, 0], grad_means[i, 1], grad_means[i, 2]
@@ -244,11 +271,11 @@ def _skin_backward(transforms, influences, rest, grads, accumulators):
             first = transforms[ids[i, 0]]
             for j in range(ids.shape[1]):
                 m = transforms[ids[i, j]]
-                signed = _signed_weight(weights[i, j], m, first)
-                b0 += signed * m[12]
-                b1 += signed * m[13]
-                b2 += signed * m[14]
-                b3 += signed * m[15]
+                signed[j] = _signed_weight(weights[i, j], m, first, is_one_sided)
+                b0 += signed[j] * m[12]
+                b1 += signed[j] * m[13]
+                b2 += signed[j] * m[14]
+                b3 += signed[j] * m[15]
             inverse_norm = _ONE / np.sqrt(b0 * b0 + b1 * b1 + b2 * b2 + b3 * b3)
             b0 *= inverse_norm
             b1 *= inverse_norm
@@ -267,28 +294,29 @@ def _skin_backward(transforms, influences, rest, grads, accumulators):
             h1 = (h1 - along * b1) * inverse_norm
             h2 = (h2 - along * b2) * inverse_norm
             h3 = (h3 - along * b3) * inverse_norm
+            # What an influence of weight 1 gets; a loop over it compiles to vector instructions.
+            unit[0] = gx * x
+            unit[1] = gx * y
+            unit[2] = gx * z
+            unit[3] = gy * x
+            unit[4] = gy * y
+            unit[5] = gy * z
+            unit[6] = gz * x
+            unit[7] = gz * y
+            unit[8] = gz * z
+            unit[9] = gx
+            unit[10] = gy
+            unit[11] = gz
+            unit[12] = h0
+            unit[13] = h1
+            unit[14] = h2
+            unit[15] = h3
             for j in range(ids.shape[1]):
-                k = ids[i, j]
-                weight = weights[i, j]
-                signed = _signed_weight(weight, transforms[k], first)
-                row = table[k]
-                wx, wy, wz = weight * gx, weight * gy, weight * gz
-                row[0] += wx * x
-                row[1] += wx * y
-                row[2] += wx * z
-                row[3] += wy * x
-                row[4] += wy * y
-                row[5] += wy * z
-                row[6] += wz * x
-                row[7] += wz * y
-                row[8] += wz * z
-                row[9] += wx
-                row[10] += wy
-                row[11] += wz
-                row[12] += signed * h0
-                row[13] += signed * h1
-                row[14] += signed * h2
-                row[15] += signed * h3
+                k, weight, signed_weight = ids[i, j], weights[i, j], signed[j]
+                for c in range(12):
+                    table[k, c] += weight * unit[c]
+                for c in range(12, 16):
+                    table[k, c] += signed_weight * unit[c]
 
 
 @kernel()
