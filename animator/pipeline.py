@@ -15,8 +15,9 @@ from animator.render.registry import load_renderer
 from animator.rig.bake import ClipLabels, Key, bake_clip
 from animator.scene import Scene
 from animator.sequence.cameras import locate_cameras
-from animator.sequence.driver import ClipProblem, Driver, DriverConfig, SolvedFrame
+from animator.sequence.driver import ClipProblem, Driver, DriverConfig
 from animator.sequence.interpolation import InterpolationConfig, interpolate
+from animator.sequence.solved_frame import SolvedFrame
 from animator.types import AnchorPoses, Anchors, Camera, Gaussians, RigidGroups
 from exporters.clip import Clip
 
@@ -79,10 +80,11 @@ def fit(
     """
     renderer = load_renderer(config.device)
     matcher = load_matcher(config.matcher, roma_weights=config.roma_weights)
-    cameras = locate_cameras(scene, renderer)
-    anchors = build_anchors(scene.gaussians, target_count=config.anchors)
+    gaussians = scene.gaussians.to(renderer.device)
+    cameras = locate_cameras(scene, gaussians, renderer)
+    anchors = build_anchors(gaussians, target_count=config.anchors)
     problem = ClipProblem(
-        gaussians=scene.gaussians,
+        gaussians=gaussians,
         anchors=anchors,
         frames=scene.frames,
         cameras=cameras,
@@ -92,12 +94,12 @@ def fit(
         follow_camera=config.moving_camera,
     )
     solved = _track(Driver(problem, config.driver), resume_from, on_frame)
-    groups = groups_of_anchors(solved[-1].groups, scene.gaussians, anchors)
+    groups = groups_of_anchors(solved[-1].groups, gaussians, anchors)
     keys = _keys(solved, scene, anchors, groups, labels.fps, config)
-    clip = bake_clip(scene.gaussians, anchors, groups, keys, labels)
+    clip = bake_clip(gaussians, anchors, groups, keys, labels)
     return Fit(
         clip=clip,
-        gaussians=scene.gaussians,
+        gaussians=gaussians,
         anchors=anchors,
         solved=tuple(solved),
         renderer=renderer,

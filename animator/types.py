@@ -5,7 +5,8 @@ Conventions everywhere in this package:
 * quaternions are `wxyz`; rotations act on column vectors;
 * cameras use OpenCV axes (+x right, +y down, +z forward) and pixel centres lie at +0.5;
 * scales are linear standard deviations and opacities are in 0..1 (only `scene/ply.py` knows logs and logits);
-* tensors are float32 torch on the renderer's device, everything measured in images is numpy.
+* Gaussians are float32 torch on the renderer's device, anchors and poses float32 torch on the CPU;
+  everything measured in images is numpy.
 """
 
 import dataclasses
@@ -43,6 +44,11 @@ class Gaussians:
         points = (solid if len(solid) else self.means).detach().cpu().numpy()
         low, high = np.percentile(points, [0.5, 99.5], axis=0)
         return max(float(np.linalg.norm(high - low)), 1e-12)
+
+    def to(self, device: torch.device) -> "Gaussians":
+        """Return the same Gaussians on another device."""
+        fields = dataclasses.fields(self)
+        return Gaussians(**{field.name: getattr(self, field.name).to(device) for field in fields})
 
     def posed(self, means: torch.Tensor, quats_wxyz: torch.Tensor) -> "Gaussians":
         """Return the same Gaussians at other centres and rotations."""
@@ -191,7 +197,7 @@ class AnchorPoses:
     @classmethod
     def identity(cls, anchors: Anchors) -> "AnchorPoses":
         """Return the rest pose."""
-        quats = torch.zeros(len(anchors), 4, device=anchors.positions.device)
+        quats = torch.zeros(len(anchors), 4)
         quats[:, 0] = 1.0
         return cls(quats_wxyz=quats, translations=torch.zeros_like(anchors.positions))
 

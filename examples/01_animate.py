@@ -13,7 +13,7 @@ from pathlib import Path
 from animator.pipeline import FitConfig, fit
 from animator.rig.bake import ClipLabels
 from animator.scene import FrameOptions, discover, read_scene
-from animator.sequence.driver import SolvedFrame
+from animator.sequence.solved_frame import SolvedFrame
 from exporters import Clip, export_clip, save_clip
 
 

@@ -25,7 +25,7 @@ from animator.pipeline import Fit, fit
 from animator.report.measurement import Measurement, measure
 from animator.report.record import Summary
 from animator.scene import Scene, discover, read_scene
-from animator.sequence.driver import SolvedFrame
+from animator.sequence.solved_frame import SolvedFrame
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -60,6 +60,7 @@ def run_animate(
     for note in scene.notes:
         logger.info("%s", note)
 
+    plan.make_folders()
     progress_file = _progress_file(scene, options, plan)
     watch = _Stopwatch(started_s)
     watch.lap("read")

@@ -31,5 +31,6 @@ def run_export(clip_path: Path, plan: OutputPlan) -> ExitCode:
         len(clip.tracks),
         clip.fps,
     )
+    plan.make_folders()
     write_clip_files(clip, plan)
     return ExitCode.DONE

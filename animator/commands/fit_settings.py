@@ -9,6 +9,7 @@ from animator.pipeline import FitConfig
 from animator.rig.bake import ClipLabels
 from animator.scene import FrameOptions, Scene, SceneOverrides
 from animator.sequence.driver import DriverConfig
+from animator.sequence.rigid_stage import RigidStageConfig
 
 
 def scene_overrides(options: AnimateOptions) -> SceneOverrides:
@@ -59,8 +60,9 @@ def _driver_config(options: AnimateOptions) -> DriverConfig:
     """Apply the ablations of the paper (Table 3) and the number of iterations to the defaults."""
     return DriverConfig(
         use_matches=options.deform,
-        use_growing=options.region_growing,
-        use_refinement=options.refinement,
+        rigid=RigidStageConfig(
+            use_growing=options.region_growing, use_refinement=options.refinement
+        ),
         image_solver=_image_solver_config(options),
     )
 

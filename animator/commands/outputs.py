@@ -56,6 +56,11 @@ class OutputPlan:
         blobs = tuple(p.with_suffix(".bin") for p in self.assets if p.suffix.lower() == ".gltf")
         return (*self.assets, *blobs, *(path for path in sidecars if path is not None))
 
+    def make_folders(self) -> None:
+        """Make the folders that the files go to."""
+        for path in self.files:
+            path.parent.mkdir(parents=True, exist_ok=True)
+
     def check(self, *, overwrite: bool) -> None:
         """Find out before any work whether everything can be written.
 
@@ -63,7 +68,7 @@ class OutputPlan:
             overwrite: Whether outputs that exist may be replaced.
 
         Raises:
-            WriteError: If a folder is missing or read-only, or an output exists and must stay.
+            WriteError: If a folder is read-only, or an output exists and must stay.
         """
         for folder in dict.fromkeys(path.parent for path in self.files):
             _check_folder(folder)
@@ -143,11 +148,14 @@ def _check_distinct(plan: OutputPlan) -> None:
 
 
 def _check_folder(folder: Path) -> None:
-    if not folder.is_dir():
-        found = "a file" if folder.exists() else "nothing"
-        raise WriteError(f"{folder}: expected a folder to write to, found {found}; make it first")
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise WriteError(f"{folder}: you may not write to this folder; choose another --out")
+    """Check that a folder can be written to, or made."""
+    place = folder.absolute()
+    while not os.path.lexists(place):
+        place = place.parent
+    if not place.is_dir():
+        raise WriteError(f"{folder}: expected a folder to write to, but {place} is a file")
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise WriteError(f"{place}: you may not write to this folder; choose another --out")
 
 
 def _check_replaceable(path: Path, *, is_folder: bool) -> None:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from animator.sequence.driver import FrameStats
+from animator.sequence.solved_frame import FrameStats
 
 if TYPE_CHECKING:
     from rich.console import Console

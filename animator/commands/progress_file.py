@@ -14,7 +14,7 @@ from animator.sequence.checkpoint import (
     read_checkpoint,
     write_checkpoint,
 )
-from animator.sequence.driver import SolvedFrame
+from animator.sequence.solved_frame import SolvedFrame
 from exporters.atomic import replacing
 
 logger = logging.getLogger(__name__)

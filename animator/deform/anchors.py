@@ -52,16 +52,13 @@ def build_anchors(gaussians: Gaussians, *, target_count: int) -> Anchors:
     anchor_node = cKDTree(means[nodes]).query(positions)[1]
     edges, edge_weights = _anchor_graph(positions, distances[:, anchor_node], spacing)
 
-    device = gaussians.means.device
     return Anchors(
-        positions=torch.as_tensor(positions, dtype=torch.float32, device=device),
+        positions=torch.as_tensor(positions, dtype=torch.float32),
         spacing=spacing,
-        skin_ids=torch.as_tensor(node_ids[nearest_node], dtype=torch.int32, device=device),
-        skin_weights=torch.as_tensor(
-            node_weights[nearest_node], dtype=torch.float32, device=device
-        ),
-        edges=torch.as_tensor(edges, dtype=torch.int64, device=device),
-        edge_weights=torch.as_tensor(edge_weights, dtype=torch.float32, device=device),
+        skin_ids=torch.as_tensor(node_ids[nearest_node], dtype=torch.int32),
+        skin_weights=torch.as_tensor(node_weights[nearest_node], dtype=torch.float32),
+        edges=torch.as_tensor(edges, dtype=torch.int64),
+        edge_weights=torch.as_tensor(edge_weights, dtype=torch.float32),
     )
 
 
@@ -70,19 +67,25 @@ def _voxel_means(
 ) -> tuple[np.ndarray, float]:
     """Average the points in voxels whose size gives about the wanted count; thin voxels are dropped."""
     low, high = diagonal / 500, diagonal
-    cells = np.zeros((len(points), 3), np.int64)
+    spacing, cells = high, np.zeros(len(points), np.int64)
     for _ in range(25):
         spacing = math.sqrt(low * high)
-        cells = np.floor((points - points.min(axis=0)) / spacing).astype(np.int64)
-        if len(np.unique(cells, axis=0)) > target_count:
+        cells = _cell_numbers(points, spacing)
+        if len(np.unique(cells)) > target_count:
             low = spacing
         else:
             high = spacing
-    _, voxel, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
+    _, voxel, counts = np.unique(cells, return_inverse=True, return_counts=True)
     sums = np.zeros((len(counts), 3))
-    np.add.at(sums, voxel.ravel(), points)
+    np.add.at(sums, voxel, points)
     populated = counts >= min(counts.max(), max(3.0, 0.05 * float(np.median(counts))))
     return (sums / counts[:, None])[populated], spacing
+
+
+def _cell_numbers(points: np.ndarray, spacing: float) -> np.ndarray:
+    """Number the voxel of each point, int64, shape (M,)."""
+    cells = np.floor((points - points.min(axis=0)) / spacing).astype(np.int64)
+    return np.ravel_multi_index(tuple(cells.T), tuple(cells.max(axis=0) + 1))
 
 
 def _distances_along_object(nodes: np.ndarray, anchors: np.ndarray, spacing: float) -> np.ndarray:

@@ -23,8 +23,13 @@ class MatchSolverConfig:
     """Weight of Eq. 5."""
     rotation: float = 0.02
     """Weight of the smoothness of rotations."""
-    tether: float = 0.1
-    """Weight of the previous pose: holds what no match sees."""
+    tether: float = 1e-3
+    """Weight of the previous pose: holds what no match sees. A strong one drags what moves, along the viewing
+    ray most of all."""
+    rest: float = 0.03
+    """Weight of the rest pose: keeps what has hardly moved from drifting along the viewing ray."""
+    rest_reach: float = 0.03
+    """Motion from rest [diagonals] at which that pull has weakened to a quarter (Geman-McClure)."""
     huber: float = 0.01
     """Reprojection error above which a match counts linearly [share of the object's size]."""
     damping: float = 1e-4
@@ -239,13 +244,26 @@ class _Solver:
         translations: np.ndarray,
     ) -> None:
         """Hold every anchor near the previous pose: diagonal, so added in place."""
-        count = len(self.anchor_positions)
-        weight = self.config.tether / count
-        turn_weight = weight * self.config.rotation
-        shift_weight = weight / self.problem.diagonal**2
+        count = len(translations)
+        moved = translations - self.previous_translations
         between = rotations @ self.previous_rotations.transpose(0, 2, 1)
         turned = Rotation.from_matrix(between).as_rotvec()
-        weights = np.tile(np.repeat([turn_weight, shift_weight], 3), count)
-        moved = np.concatenate([turned, translations - self.previous_translations], axis=1)
-        np.einsum("ii->i", normal)[...] += weights
-        gradient += weights * moved.ravel()
+        tether = self.config.tether / count
+        turn_weights = np.full(count, tether * self.config.rotation)
+        shift_weights = np.full(count, tether / self.problem.diagonal**2)
+        # What clearly moved is let go; what stands still is held where it was captured.
+        squared = (translations**2).sum(axis=1) / self.problem.diagonal**2
+        rest_weights = self.config.rest / count / (1.0 + squared / self.config.rest_reach**2) ** 2
+        rest_weights /= self.problem.diagonal**2
+        weights = np.repeat(
+            np.stack([turn_weights, shift_weights + rest_weights], axis=1), 3, axis=1
+        )
+        pulls = np.concatenate(
+            [
+                turn_weights[:, None] * turned,
+                shift_weights[:, None] * moved + rest_weights[:, None] * translations,
+            ],
+            axis=1,
+        )
+        np.einsum("ii->i", normal)[...] += weights.ravel()
+        gradient += pulls.ravel()

@@ -32,6 +32,7 @@ class LossWeights:
     silhouette: float = 0.3
     coarse_image: float = 0.5
     temporal: float = 0.0
+    rest: float = 30.0
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -48,6 +49,8 @@ class ImageSolverConfig:
     """Share of the learning rate left at the last step (exponential decay)."""
     smoothing: float = 4.0
     """Strength s of the preconditioner; 0 is plain Adam."""
+    rest_reach: float = 0.03
+    """Motion from rest [diagonals] at which the pull to the rest pose lets go."""
     weights: LossWeights = dataclasses.field(default_factory=LossWeights)
 
 
@@ -88,7 +91,7 @@ class ImageSolver:
     def __init__(
         self, gaussians: Gaussians, anchors: Anchors, draw: Draw, config: ImageSolverConfig
     ) -> None:
-        self._gaussians = gaussians
+        self.gaussians = gaussians
         self._anchors = anchors
         self._draw = draw
         self.config = config
@@ -98,7 +101,7 @@ class ImageSolver:
 
     def pose(self, poses: AnchorPoses) -> Gaussians:
         """Skin the Gaussians to a pose (Eq. 2), differentiable in the pose."""
-        return self._gaussians.posed(*self._skinner(poses))
+        return self.gaussians.posed(*self._skinner(poses))
 
     def image_error(self, poses: AnchorPoses, target: FrameTarget) -> float:
         """Measure how badly a pose explains the frame: RGB and silhouette terms, lower is better."""
@@ -117,7 +120,6 @@ class ImageSolver:
         previous: AnchorPoses,
         *,
         rigid_pairs: Callable[[int, Gaussians], RigidPairs | None] = lambda step, posed: None,
-        rate: float = 1.0,
     ) -> AnchorPoses:
         """Minimize the total loss (Eq. 7) from `start`.
 
@@ -127,7 +129,6 @@ class ImageSolver:
             previous: The previous frame's pose, for the temporal term.
             rigid_pairs: Called before each step with its number and the detached Gaussians of the last one;
                 returns the pairs of Eq. 4. Refinement of the rigid groups happens inside it (Algorithm 2).
-            rate: Scales the learning rates, for small or large motion.
 
         Returns:
             The pose after the last step, unit quaternions.
@@ -137,8 +138,8 @@ class ImageSolver:
         shifts = torch.zeros_like(start.translations).requires_grad_()
         optimizer = torch.optim.Adam(
             [
-                {"params": [turns], "lr": config.turn_rate * rate},
-                {"params": [shifts], "lr": config.shift_rate * rate},
+                {"params": [turns], "lr": config.turn_rate},
+                {"params": [shifts], "lr": config.shift_rate},
             ],
             betas=(0.9, 0.99),
         )
@@ -195,6 +196,10 @@ class ImageSolver:
             total = total + weights.temporal * losses.temporal_loss(
                 poses, previous, diagonal=self._diagonal, radius=self._anchors.spacing
             )
+        if weights.rest > 0:
+            total = total + weights.rest * losses.rest_loss(
+                poses, diagonal=self._diagonal, reach=self.config.rest_reach
+            )
         if weights.deform > 0 and target.matches is not None and len(target.matches):
             total = total + weights.deform * self._deformation(target, target.matches, posed)
         if weights.group > 0 and pairs is not None:
@@ -213,7 +218,7 @@ class ImageSolver:
         )
 
     def _group(self, posed: Gaussians, pairs: RigidPairs) -> torch.Tensor:
-        rest = self._gaussians
+        rest = self.gaussians
         return losses.group_loss(
             rest.means[pairs.first] - rest.means[pairs.second],
             rest.quats_wxyz[pairs.first],

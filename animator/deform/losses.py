@@ -137,3 +137,18 @@ def temporal_loss(
     cosines = (poses.quats_wxyz * previous.quats_wxyz).sum(dim=1)
     turned = 8.0 * (1.0 - cosines.square()) * (radius / diagonal) ** 2
     return (moved + turned).mean()
+
+
+def rest_loss(poses: AnchorPoses, *, diagonal: float, reach: float) -> torch.Tensor:
+    """Keep what has hardly moved where it was captured: one image says little along its rays.
+
+    Args:
+        poses: The pose being solved.
+        diagonal: The object's diagonal [scene unit].
+        reach: Motion from rest [diagonals] at which the pull lets go (Geman-McClure norm).
+
+    Returns:
+        Mean of s / (1 + s / reach^2) over the anchors, s the squared motion [diagonals^2].
+    """
+    squared = (poses.translations / diagonal).square().sum(dim=1)
+    return (squared / (1.0 + squared / reach**2)).mean()

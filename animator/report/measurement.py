@@ -13,7 +13,7 @@ from animator.render.spherical_harmonics import SH_C0
 from animator.report import quality
 from animator.report.palette import group_colors
 from animator.report.quality import FrameQuality
-from animator.sequence.driver import SolvedFrame
+from animator.sequence.solved_frame import SolvedFrame
 from animator.types import Anchors, Camera, Frames, Gaussians
 from exporters.clip import Clip
 

@@ -6,14 +6,15 @@ from animator.render.protocol import Renderer
 from animator.scene import Scene
 from animator.sequence.camera_pose import CameraTools, find_camera
 from animator.sequence.target import FrameView
-from animator.types import Camera
+from animator.types import Camera, Gaussians
 
 
-def locate_cameras(scene: Scene, renderer: Renderer) -> tuple[Camera, ...]:
+def locate_cameras(scene: Scene, gaussians: Gaussians, renderer: Renderer) -> tuple[Camera, ...]:
     """Return one camera a frame.
 
     Args:
         scene: Frames, and their cameras if they were read from a file; else frame 0's is found.
+        gaussians: The rest pose on the renderer's device.
         renderer: Draws the capture views that a missing camera is retrieved from.
 
     Returns:
@@ -26,5 +27,5 @@ def locate_cameras(scene: Scene, renderer: Renderer) -> tuple[Camera, ...]:
     if cameras is None:
         tools = CameraTools(renderer=renderer, features=FeatureMatcher(), matcher=FlowMatcher())
         first = FrameView.read(scene.frames, 0).masked()
-        cameras = (find_camera(scene.gaussians, scene.capture_cameras, first, tools).camera,)
+        cameras = (find_camera(gaussians, scene.capture_cameras, first, tools).camera,)
     return cameras * len(scene.frames) if len(cameras) == 1 else cameras

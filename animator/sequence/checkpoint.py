@@ -17,7 +17,7 @@ import numpy as np
 import torch
 
 from animator.errors import InputError
-from animator.sequence.driver import FrameStats, SolvedFrame
+from animator.sequence.solved_frame import FrameStats, SolvedFrame
 from animator.types import AnchorPoses, Camera, RigidGroups
 
 FORMAT_NAME = "splatimate-progress"

@@ -43,14 +43,14 @@ class FrameView:
         """Take one frame of the clip."""
         return cls(rgb=frames.images[index], alpha=frames.alphas[index])
 
-    def target(self, window: Window, camera: Camera) -> FrameTarget:
-        """Return the part of the frame in a window, composited on black."""
+    def target(self, window: Window, camera: Camera, device: torch.device) -> FrameTarget:
+        """Return the part of the frame in a window, composited on black, on the renderer's device."""
         rgb, alpha = self._cut(window)
         coverage = torch.from_numpy(alpha.astype(np.float32) / 255.0)
         color = torch.from_numpy(rgb.astype(np.float32) / 255.0) * coverage[..., None]
         return FrameTarget(
-            rgb=color,
-            alpha=coverage,
+            rgb=color.to(device),
+            alpha=coverage.to(device),
             camera=window.of(camera),
             matches=None,
             object_px=object_size_px(alpha > 127),
@@ -73,6 +73,12 @@ def object_size_px(mask: np.ndarray) -> float:
     if len(rows) == 0:
         return float(np.hypot(*mask.shape))
     return max(float(np.hypot(np.ptp(rows) + 1, np.ptp(columns) + 1)), 1.0)
+
+
+def silhouette_iou(first: np.ndarray, second: np.ndarray) -> float:
+    """Return the intersection over the union of two masks; 1 if both are empty."""
+    union = int((first | second).sum())
+    return int((first & second).sum()) / union if union else 1.0
 
 
 def crop_window(view: FrameView, render_alpha: torch.Tensor, camera: Camera) -> Window:

@@ -79,7 +79,7 @@ class StubFit:
         from animator.pipeline import Fit
         from animator.render.cpu import CpuRenderer
         from animator.rig.bake import Key, bake_clip
-        from animator.sequence.driver import FrameStats, SolvedFrame
+        from animator.sequence.solved_frame import FrameStats, SolvedFrame
         from animator.types import AnchorPoses, RigidGroups
 
         self.configs.append(config)

@@ -12,7 +12,7 @@ from animator.sequence.checkpoint import (
     read_checkpoint,
     write_checkpoint,
 )
-from animator.sequence.driver import FrameStats, SolvedFrame
+from animator.sequence.solved_frame import FrameStats, SolvedFrame
 from animator.types import AnchorPoses, Camera, RigidGroups
 
 

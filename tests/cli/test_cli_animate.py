@@ -69,8 +69,8 @@ def test_options_reach_the_fit_and_the_clip(scene, out, stub_fit):
     weights = config.driver.image_solver.weights
     assert (config.seed, config.driver.image_solver.iterations) == (5, 7)
     assert (config.driver.use_matches, weights.deform, weights.group) == (False, 0, 0)
-    assert config.driver.use_growing
-    assert not config.driver.use_refinement
+    assert config.driver.rigid.use_growing
+    assert not config.driver.rigid.use_refinement
     clip = load_clip(out / "clip.splatimate.npz")
     assert (clip.name, clip.up_axis, clip.meters_per_unit) == ("cube", "Z", 0.5)
     assert clip.source_frames == (0, 2)
@@ -88,9 +88,17 @@ def test_existing_outputs_are_refused_before_any_work(scene, out, stub_fit, caps
     assert files_in(out) == EXPECTED_FILES
 
 
-def test_missing_output_folder_is_refused_before_any_work(scene, out, stub_fit, capsys):
+def test_missing_output_folders_are_made_but_not_for_a_failed_run(scene, out, stub_fit):
     shutil.rmtree(out)
-    assert run(scene, out) == 5
+    next((scene / "frames").iterdir()).write_bytes(b"not a picture")
+    assert run(scene, out) == 3
+    assert not out.exists()
+
+
+def test_a_file_in_the_way_of_the_output_folder_is_refused(scene, out, stub_fit, capsys):
+    shutil.rmtree(out)
+    out.write_text("mine")
+    assert run(scene, out / "deeper") == 5
     assert str(out) in capsys.readouterr().err
     assert stub_fit.configs == []
 

@@ -107,7 +107,7 @@ def fit_and_frames():
     from animator.deform.anchors import build_anchors
     from animator.render.cpu import CpuRenderer
     from animator.rig.bake import ClipLabels, Key, bake_clip
-    from animator.sequence.driver import FrameStats, SolvedFrame
+    from animator.sequence.solved_frame import FrameStats, SolvedFrame
     from animator.types import AnchorPoses, Frames, RigidGroups
     from tests.helpers.objects import box_points, front_camera, gaussians_at
 

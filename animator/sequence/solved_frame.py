@@ -1,0 +1,35 @@
+"""What is known of a frame once it is solved."""
+
+import dataclasses
+
+from animator.types import AnchorPoses, Camera, RigidGroups
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class FrameStats:
+    """What the report says of one frame."""
+
+    matches: int
+    """Gaussian-to-pixel matches used."""
+    reprojection_px: float
+    """Median distance of matched Gaussians to their pixels after solving [px]; NaN without matches."""
+    start: str
+    """Which candidate started the image stage: `rest`, `previous` or `matches`."""
+    groups: int
+    """Rigid groups at the end of the frame."""
+    seconds: dict[str, float]
+    """Wall time a stage [s]."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class SolvedFrame:
+    """One frame of the clip, solved."""
+
+    poses: AnchorPoses
+    """Where the anchors are."""
+    camera: Camera
+    """Where the camera is."""
+    groups: RigidGroups
+    """The rigid parts known by then."""
+    stats: FrameStats
+    """How it went."""
