@@ -13,6 +13,7 @@ from exporters import load_clip
 from tests.helpers.playback import gltf_centers, usd_centers
 
 LAMP = Path(__file__).parent.parent / "examples" / "desk_lamp"
+PART_NAMES = ("foot", "turret", "lower_arm", "upper_arm", "head")
 SHORT_FRAMES = (0, 3, 6, 9)
 
 
@@ -43,12 +44,16 @@ class TrueMotion:
         motions = self.posed_from_rest[:, self.part_ids]
         return np.einsum("tnij,nj->tni", motions[..., :3, :3], self.rest) + motions[..., :3, 3]
 
-    def turn_error_deg(self, frame: int, positions: np.ndarray, part_id: int) -> float:
-        """Angle between a part's true rotation and the one that fits its found positions best."""
+    def axis_error_deg(self, frame: int, positions: np.ndarray, part_id: int) -> float:
+        """Angle between the true direction of a part's longest axis and the found one.
+
+        Turns about that axis do not count: they hardly show in one camera.
+        """
         part = self.part_ids == part_id
-        found = best_rotation(self.rest[part], positions[frame, part])
-        between = found @ self.posed_from_rest[frame, part_id, :3, :3].T
-        return float(np.degrees(np.arccos(np.clip((np.trace(between) - 1) / 2, -1, 1))))
+        _, _, axes = np.linalg.svd(self.rest[part] - self.rest[part].mean(axis=0))
+        found = best_rotation(self.rest[part], positions[frame, part]) @ axes[0]
+        true = self.posed_from_rest[frame, part_id, :3, :3] @ axes[0]
+        return float(np.degrees(np.arccos(np.clip(found @ true, -1, 1))))
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -107,18 +112,18 @@ def short_run(tmp_path_factory) -> Run:
 
 def test_the_lamp_moves_as_it_really_did(short_run):
     assert short_run.exit_code == 0
-    assert short_run.captured > 0.5
-    assert short_run.errors.mean() < 0.03 * short_run.truth.diagonal
+    assert short_run.captured > 0.65
+    assert short_run.errors.mean() < 0.028 * short_run.truth.diagonal
 
 
 @pytest.mark.parametrize(
-    ("part", "tolerance_deg"), [("foot", 3.0), ("lower_arm", 8.0), ("upper_arm", 8.0)]
+    ("part", "tolerance_deg"), [("foot", 4.0), ("lower_arm", 12.0), ("upper_arm", 12.0)]
 )
-def test_parts_turn_as_they_really_did(short_run, part, tolerance_deg):
-    with np.load(LAMP / "true_motion.npz") as file:
-        part_id = list(file["part_names"]).index(part)
+def test_parts_point_where_they_really_did(short_run, part, tolerance_deg):
+    """The arms turn by 45 and by 26 degrees, the foot not at all."""
+    part_id = PART_NAMES.index(part)
     last = len(SHORT_FRAMES) - 1
-    error_deg = short_run.truth.turn_error_deg(last, short_run.positions, part_id)
+    error_deg = short_run.truth.axis_error_deg(last, short_run.positions, part_id)
     assert error_deg < tolerance_deg
 
 
@@ -168,5 +173,7 @@ def test_the_usd_cache_holds_the_same_motion(short_run):
 def test_the_whole_example(tmp_path):
     run = animate_lamp(tmp_path, tuple(range(16)))
     assert run.exit_code == 0
-    assert run.captured > 0.5
-    assert run.errors.mean() < 0.04 * run.truth.diagonal
+    assert run.captured > 0.75
+    assert run.errors.mean() < 0.025 * run.truth.diagonal
+    for part in ("foot", "lower_arm", "upper_arm"):
+        assert run.truth.axis_error_deg(15, run.positions, PART_NAMES.index(part)) < 12.0
