@@ -4,7 +4,7 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from animator.commands import value_kind
 from animator.commands.value_kind import ValueKind
@@ -139,7 +139,9 @@ class AnimateOptions:
         True, value_kind.switch(), ABLATION, "no refinement of the groups on the way"
     )
 
-    device: str = _option("auto", value_kind.choice("auto", "cpu", "cuda"), RUN, "where to compute")
+    device: Literal["auto", "cpu", "cuda"] = _option(
+        "auto", value_kind.choice("auto", "cpu", "cuda"), RUN, "where to compute"
+    )
     threads: int | None = _option(None, value_kind.whole(1), RUN, "most CPU threads")
     resume: bool = _option(
         False, value_kind.switch(), RUN, "continue an interrupted run of the same inputs"

@@ -5,8 +5,9 @@ scene -> camera -> anchors -> frame-by-frame tracking -> in-betweens -> clip
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from typing import Literal
 
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from animator.deform.anchors import build_anchors
 from animator.match.registry import load_matcher
@@ -36,7 +37,7 @@ class FitConfig:
     """`auto`, `flow`, `xfeat` or `roma`."""
     roma_weights: tuple[str, ...] = ()
     """Weight files for `roma`, brought by the user."""
-    device: str = "auto"
+    device: Literal["auto", "cpu", "cuda"] = "auto"
     """`auto`, `cpu` or `cuda`."""
     seed: int = 0
     """Seed of every random choice."""
@@ -123,7 +124,7 @@ def _track(
 def groups_of_anchors(groups: RigidGroups, gaussians: Gaussians, anchors: Anchors) -> RigidGroups:
     """Give each anchor the rigid group of its nearest Gaussian."""
     means = gaussians.means.detach().cpu().numpy()
-    nearest = cKDTree(means).query(anchors.positions.cpu().numpy())[1]
+    nearest = KDTree(means).query(anchors.positions.cpu().numpy())[1]
     return RigidGroups(labels=groups.labels[nearest])
 
 

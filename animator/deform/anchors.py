@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from animator.types import SOLID_OPACITY, Anchors, Gaussians
 
@@ -48,8 +48,8 @@ def build_anchors(gaussians: Gaussians, *, target_count: int) -> Anchors:
 
     distances = _distances_along_object(means[nodes], positions, spacing)
     node_ids, node_weights = _skin_weights(distances, spacing)
-    nearest_node = cKDTree(means[nodes]).query(means)[1]
-    anchor_node = cKDTree(means[nodes]).query(positions)[1]
+    nearest_node = KDTree(means[nodes]).query(means)[1]
+    anchor_node = KDTree(means[nodes]).query(positions)[1]
     edges, edge_weights = _anchor_graph(positions, distances[:, anchor_node], spacing)
 
     return Anchors(
@@ -85,18 +85,19 @@ def _voxel_means(
 def _cell_numbers(points: np.ndarray, spacing: float) -> np.ndarray:
     """Number the voxel of each point, int64, shape (M,)."""
     cells = np.floor((points - points.min(axis=0)) / spacing).astype(np.int64)
-    return np.ravel_multi_index(tuple(cells.T), tuple(cells.max(axis=0) + 1))
+    shape = tuple(cells.max(axis=0) + 1)
+    return np.asarray(np.ravel_multi_index(tuple(cells.T), shape))
 
 
 def _distances_along_object(nodes: np.ndarray, anchors: np.ndarray, spacing: float) -> np.ndarray:
     """Measure anchor-to-node distances along the graph of nodes, never shorter than straight. Shape (A, nodes)."""
     count = len(nodes)
     neighbors = min(_GRAPH_NEIGHBORS, count - 1)
-    tree = cKDTree(nodes)
+    tree = KDTree(nodes)
     straight = np.linalg.norm(anchors[:, None] - nodes[None], axis=-1)
     if neighbors < 1:
         return straight
-    lengths, ids = (part[:, 1:] for part in tree.query(nodes, k=neighbors + 1))
+    lengths, ids = (np.asarray(part)[:, 1:] for part in tree.query(nodes, k=neighbors + 1))
     close = lengths < 3.0 * np.median(lengths[:, : max(1, neighbors // 2)])
     rows = np.repeat(np.arange(count), neighbors).reshape(count, neighbors)
     graph = csr_matrix(

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from animator.types import GaussianMatches, RigidGroups
 
@@ -93,7 +93,7 @@ def grow_groups(
         return groups
     ids, pixels = matches.gaussian_ids[free], matches.target_px[free]
     points = rest_means[ids]
-    neighbors = cKDTree(points).query_ball_point(points, config.radius * diagonal)
+    neighbors = KDTree(points).query_ball_point(points, config.radius * diagonal)
     unlabeled = np.ones(len(free), bool)
     next_label = groups.count
     for seed in rng.permutation(len(free)):

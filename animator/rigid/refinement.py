@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import torch
 from scipy.sparse import csr_matrix
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from animator import quaternions
 from animator.types import Gaussians, RigidGroups
@@ -66,8 +66,8 @@ class GroupRefiner:
         chosen = rng.choice(count, min(config.probes, count), replace=False)
         self._probes = np.sort(chosen)
         means = rest.means.detach().cpu().numpy()
-        tree = cKDTree(means[self._probes])
-        self._nearest_probe = tree.query(means)[1]
+        tree = KDTree(means[self._probes])
+        self._nearest_probe = np.asarray(tree.query(means)[1])
         pairs = tree.query_pairs(config.radius * diagonal, output_type="ndarray")
         rows = np.concatenate([pairs[:, 0], pairs[:, 1]])
         columns = np.concatenate([pairs[:, 1], pairs[:, 0]])

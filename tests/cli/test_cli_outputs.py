@@ -85,7 +85,7 @@ def test_a_folder_in_place_of_a_file_is_refused_even_with_overwrite(tmp_path):
 def test_a_file_in_place_of_the_output_folder_is_refused(tmp_path):
     (tmp_path / "folder").write_text("a file")
     plan = plan_animation((tmp_path / "folder" / "x.usd",), "none")
-    with pytest.raises(WriteError, match="found a file"):
+    with pytest.raises(WriteError, match="is a file"):
         plan.check(overwrite=False)
 
 
