@@ -68,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     export = _add_command(commands, "export", _export, _EXPORT_DESCRIPTION)
     export.add_argument("clip", metavar="CLIP", type=Path, help="NAME.splatimate.npz")
-    for name in ("out", "overwrite", "quiet", "verbose"):
+    for name in ("out", "rest_splats", "overwrite", "quiet", "verbose"):
         add_option(export, name)
     add_option(export, "cache", default=_EXPORT_CACHE)
 
@@ -96,7 +96,7 @@ def _export(arguments: argparse.Namespace, parser: argparse.ArgumentParser) -> E
         plan.check(overwrite=options.overwrite)
         from animator.commands.export import run_export
 
-        return run_export(arguments.clip, plan)
+        return run_export(arguments.clip, plan, options)
 
 
 def _inspect(arguments: argparse.Namespace, parser: argparse.ArgumentParser) -> ExitCode:

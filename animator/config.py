@@ -102,6 +102,9 @@ class AnimateOptions:
     meters_per_unit: float = _option(
         1.0, value_kind.positive("M"), OUTPUTS, "meters in one unit of the splat"
     )
+    rest_splats: bool = _option(
+        True, value_kind.switch(), OUTPUTS, "leave the exact splats at rest out of glTF files"
+    )
     overwrite: bool = _option(
         False, value_kind.switch(), OUTPUTS, "replace outputs that already exist"
     )

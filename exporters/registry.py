@@ -6,6 +6,7 @@ from pathlib import Path
 
 from exporters.clip import Clip
 from exporters.errors import WriteError
+from exporters.gltf.options import GltfOptions
 
 EXPORTERS: dict[str, str] = {
     ".usd": "exporters.usd.write:write_usd_rig",
@@ -24,8 +25,11 @@ EXPORTERS: dict[str, str] = {
 """End of a path to `module:function`; the longest that fits counts. Resolved on use, so that no
 package is imported for a format that is not written."""
 
-Exporter = Callable[[Clip, Path], tuple[Path, ...]]
-"""Writes a clip to a path and returns the files written."""
+GLTF_SUFFIXES = (".glb", ".gltf")
+"""Names whose writer takes `GltfOptions`."""
+
+Exporter = Callable[..., tuple[Path, ...]]
+"""Writes a clip to a path, with the format's options if it has any; returns the files written."""
 
 
 def exporter_for(path: str | Path) -> Exporter:
@@ -51,12 +55,15 @@ def exporter_for(path: str | Path) -> Exporter:
         ) from error
 
 
-def export_clip(clip: Clip, path: str | Path) -> tuple[Path, ...]:
+def export_clip(
+    clip: Clip, path: str | Path, *, gltf: GltfOptions | None = None
+) -> tuple[Path, ...]:
     """Write a clip in the format that the path's name asks for.
 
     Args:
         clip: The clip.
         path: The target, for example `out/clip.glb`; see `EXPORTERS`.
+        gltf: Choices for glTF files; other formats ignore them.
 
     Returns:
         The files written.
@@ -65,4 +72,7 @@ def export_clip(clip: Clip, path: str | Path) -> tuple[Path, ...]:
         ClipError: If the clip is not valid.
         WriteError: If the format is unknown or the place cannot be written.
     """
-    return exporter_for(path)(clip, Path(path))
+    write = exporter_for(path)
+    if gltf is not None and Path(path).suffix.lower() in GLTF_SUFFIXES:
+        return write(clip, Path(path), gltf)
+    return write(clip, Path(path))

@@ -67,7 +67,7 @@ def run_animate(
     try:
         fitted = _fit(scene, options, plan, progress_file, console)
         watch.lap("fit")
-        write_clip_files(fitted.clip, plan)
+        write_clip_files(fitted.clip, plan, options)
         watch.lap("write")
         measurements = _measure(fitted, scene)
         watch.lap("measure")

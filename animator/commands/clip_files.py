@@ -4,14 +4,16 @@ import logging
 from pathlib import Path
 
 from animator.commands.outputs import OutputPlan
+from animator.config import AnimateOptions
 from exporters.clip import Clip
 from exporters.errors import WriteError
+from exporters.gltf.options import GltfOptions
 from exporters.registry import export_clip
 
 logger = logging.getLogger(__name__)
 
 
-def write_clip_files(clip: Clip, plan: OutputPlan) -> None:
+def write_clip_files(clip: Clip, plan: OutputPlan, options: AnimateOptions) -> None:
     """Write the clip, its caches and its assets, each whole or not at all.
 
     The clip comes first: from it everything else can be written again.
@@ -20,12 +22,13 @@ def write_clip_files(clip: Clip, plan: OutputPlan) -> None:
         WriteError: If a file cannot be written; the message says how to go on from the clip.
     """
     paths = (plan.clip, *plan.assets, plan.usd_cache, plan.ply_folder)
+    gltf = GltfOptions(rest_splats=options.rest_splats)
     clip_path: Path | None = None
     for path in paths:
         if path is None:
             continue
         try:
-            export_clip(clip, path)
+            export_clip(clip, path, gltf=gltf)
         except WriteError as error:
             if clip_path is None:
                 raise

@@ -6,17 +6,19 @@ from pathlib import Path
 from animator.commands.clip_files import write_clip_files
 from animator.commands.exit_code import ExitCode
 from animator.commands.outputs import OutputPlan
+from animator.config import AnimateOptions
 from exporters.clip_io import load_clip
 
 logger = logging.getLogger(__name__)
 
 
-def run_export(clip_path: Path, plan: OutputPlan) -> ExitCode:
+def run_export(clip_path: Path, plan: OutputPlan, options: AnimateOptions) -> ExitCode:
     """Write a saved clip to the planned files.
 
     Args:
         clip_path: A `.splatimate.npz` file.
         plan: Where to; checked.
+        options: What goes into the files.
 
     Raises:
         ClipError: If the clip cannot be read.
@@ -32,5 +34,5 @@ def run_export(clip_path: Path, plan: OutputPlan) -> ExitCode:
         clip.fps,
     )
     plan.make_folders()
-    write_clip_files(clip, plan)
+    write_clip_files(clip, plan, options)
     return ExitCode.DONE

@@ -46,7 +46,7 @@ class AutoMatcher:
         share = small.trusted_share(source.mask)
         motion = _motion_share(small, source)
         if share >= MIN_TRUSTED_SHARE and motion <= MAX_MOTION_SHARE:
-            _log.info("auto: flow (trusted %.0f %%, motion %.1f %%)", 100 * share, 100 * motion)
+            _log.debug("auto: flow (trusted %.0f %%, motion %.1f %%)", 100 * share, 100 * motion)
             return small
         if self._large_motion is None:
             self._large_motion = self._load_large_motion()
@@ -54,7 +54,7 @@ class AutoMatcher:
         large_share = large.trusted_share(source.mask)
         # Seeds from a barely textured object can be worse than the flow they were to replace.
         chosen = large if large_share > 0.8 * share else small
-        _log.info(
+        _log.debug(
             "auto: %s (flow: trusted %.0f %%, motion %.1f %% of the object; %s: trusted %.0f %%)",
             chosen.matcher,
             100 * share,

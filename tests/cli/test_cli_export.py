@@ -7,6 +7,7 @@ import pytest
 from animator.cli import main
 from exporters import save_clip
 from tests.helpers import clips
+from tests.helpers.validators import gltf_issues
 
 ROOT = Path(__file__).parents[2]
 
@@ -85,3 +86,12 @@ def test_version(capsys):
         main(["--version"])
     assert caught.value.code == 0
     assert capsys.readouterr().out.startswith("splatimate ")
+
+
+def test_the_proxy_alone_passes_the_khronos_validator_without_an_error(tmp_path):
+    saved = tmp_path / "clip.splatimate.npz"
+    save_clip(clips.hinge(), saved)
+    assert (
+        main(["export", str(saved), "--out", str(tmp_path / "proxy.glb"), "--no-rest-splats"]) == 0
+    )
+    assert gltf_issues(tmp_path / "proxy.glb") == []

@@ -55,6 +55,7 @@ def test_every_option_can_be_set_in_a_file(tmp_path):
     name = "n"
     up-axis = "Z"
     meters-per-unit = 0.01
+    rest-splats = false
     overwrite = true
     matcher = "flow"
     roma-weights = "w.pth"

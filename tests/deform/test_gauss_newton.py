@@ -38,7 +38,7 @@ def problem_for(bar, moved: np.ndarray, *, outliers: int = 0) -> MatchProblem:
 def solve(bar, problem: MatchProblem, **changes) -> np.ndarray:
     _, gaussians, anchors = bar
     rest = AnchorPoses.identity(anchors)
-    config = MatchSolverConfig(iterations=12, **changes)
+    config = MatchSolverConfig(**{"iterations": 12, "rest": 0.0, **changes})
     poses = solve_matches(problem, rest, rest, config)
     return Skinner(anchors, gaussians.means, gaussians.quats_wxyz)(poses)[0].numpy()
 
@@ -60,9 +60,10 @@ def test_bends_where_the_matches_bend(bar):
     moved = np.where(points[:, :1] > 0, points @ turn.T, points)
     solved = solve(bar, problem_for(bar, moved), tether=1e-6, arap=1.0)
     far = np.abs(points[:, 0]) > 0.4
-    # Across the view; along the viewing ray a soft hinge is free to drift a little.
+    # Across the view, and of the ends only: thirty anchors round the hinge off, and along the
+    # viewing ray it is free to drift a little. The right end moved by a quarter of the diagonal.
     error = np.linalg.norm((solved - moved)[far, :2], axis=1) / bar[1].diagonal
-    assert np.median(error) < 0.01
+    assert np.median(error) < 0.02
 
 
 def test_without_matches_nothing_moves(bar):

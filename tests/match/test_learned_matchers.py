@@ -93,7 +93,7 @@ def test_auto_chooses_by_the_motion_and_says_so(features, caplog, motion, option
         return XFeatMatcher(features=features)
 
     matcher = AutoMatcher(load_large_motion=load)
-    with caplog.at_level(logging.INFO, logger="animator.match.auto"):
+    with caplog.at_level(logging.DEBUG, logger="animator.match.auto"):
         flow = matcher.flow(*moved_pair(motion, seed=5, **options))
     assert flow.matcher == choice
     assert f"auto: {choice}" in caplog.text
