@@ -137,3 +137,18 @@ def test_temporal_loss_measures_lengths():
         0.01
     )
     assert float(losses.temporal_loss(rest, rest, diagonal=2.0, radius=0.25)) == 0.0
+
+
+def test_rest_loss_lets_go_of_what_clearly_moved():
+    anchors = chain()
+    rest = AnchorPoses.identity(anchors)
+
+    def pull(distance: float) -> float:
+        shifts = torch.zeros(5, 3)
+        shifts[:, 2] = distance
+        moved = dataclasses.replace(rest, translations=shifts)
+        return float(losses.rest_loss(moved, diagonal=2.0, reach=0.03))
+
+    assert pull(0.002) == pytest.approx(0.001**2, rel=0.01)
+    assert pull(0.06) == pytest.approx(0.03**2 / 2, rel=1e-3)
+    assert pull(20.0) - pull(2.0) < 1e-6
