@@ -136,11 +136,14 @@ def sample(
     if not is_rotation:
         return start + share * (end - start)
     cosine = float(start @ end)
+    end = np.sign(cosine) * end
     angle = np.arccos(min(abs(cosine), 1.0))
-    if angle < 1e-9:
-        return start
-    mixed = np.sin((1 - share) * angle) * start + np.sin(share * angle) * np.sign(cosine) * end
-    return mixed / np.sin(angle)
+    if angle < 1e-3:
+        # The cosine of float32 keys cannot tell such an angle; the chord is the arc by now.
+        mixed = start + share * (end - start)
+    else:
+        mixed = np.sin((1 - share) * angle) * start + np.sin(share * angle) * end
+    return mixed / np.linalg.norm(mixed)
 
 
 def rotation_matrix(quat_xyzw: np.ndarray) -> np.ndarray:
