@@ -25,14 +25,23 @@ class LossWeights:
     """Weights of the terms of Eq. 7 and of ours; zero switches a term off."""
 
     deform: float = 0.3
+    """Matched Gaussians to their pixels (Eq. 3)."""
     group: float = 200.0
+    """Rigid groups stay rigid (Eq. 4)."""
     arap: float = 2000.0
+    """Neighboring anchors move as rigidly as possible (Eq. 5)."""
     rotation: float = 5.0
+    """Neighboring anchors turn alike."""
     rgb: float = 1.0
+    """Color (Eq. 6)."""
     silhouette: float = 0.3
+    """Coverage."""
     coarse_image: float = 0.5
+    """Color and coverage averaged over cells."""
     temporal: float = 0.0
+    """Nearness to the previous frame; off, for the warm start holds what the frame does not move."""
     rest: float = 30.0
+    """What hardly moved stays where it was captured."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
