@@ -19,6 +19,7 @@ from animator.sequence.cameras import locate_cameras
 from animator.sequence.driver import ClipProblem, Driver, DriverConfig
 from animator.sequence.interpolation import InterpolationConfig, interpolate
 from animator.sequence.solved_frame import SolvedFrame
+from animator.threads import same_bytes_on_any_threads
 from animator.types import AnchorPoses, Anchors, Camera, Gaussians, RigidGroups
 from exporters.clip import Clip
 
@@ -56,6 +57,7 @@ class Fit:
     renderer: Renderer
 
 
+@same_bytes_on_any_threads()
 def fit(
     scene: Scene,
     labels: ClipLabels,
