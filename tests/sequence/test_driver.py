@@ -9,6 +9,7 @@ from animator.deform.anchors import build_anchors
 from animator.match.flow import FlowMatcher
 from animator.render.cpu import CpuRenderer
 from animator.sequence.driver import ClipProblem, Driver, DriverConfig
+from animator.threads import same_bytes_on_any_threads
 from animator.types import Camera, Frames, Gaussians
 from tests.helpers.objects import front_camera
 from tests.helpers.textured import draw, filmed, textured_box
@@ -98,9 +99,11 @@ def test_a_moving_camera_is_followed_and_the_still_object_stays(box):
         cameras.append(CAMERA.with_pose(pose))
     frames = filmed([draw(RENDERER, box, camera) for camera in cameras])
     solver = driver(box, frames, (CAMERA,) * 3, follow_camera=True)
-    solved = [solver.first()]
-    list(solver.run(solved))
+    with same_bytes_on_any_threads():
+        solved = [solver.first()]
+        list(solver.run(solved))
     turn = solved[-1].camera.cam_from_world[:3, :3] @ cameras[-1].cam_from_world[:3, :3].T
     # Of four degrees; the box is eighty pixels wide and nearly flat to the camera.
     assert np.degrees(Rotation.from_matrix(turn).magnitude()) < 2.0
-    assert motion(solver, solved[-1], box).mean() / box.diagonal < 5e-3
+    # Taken for a motion of the object, the camera's turn would be 2 % of the diagonal.
+    assert motion(solver, solved[-1], box).mean() / box.diagonal < 1e-2
