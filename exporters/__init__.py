@@ -11,6 +11,7 @@ The writers, and the packages they need, are imported when a file is written.
 from exporters.clip import Clip, ClipCamera, Posed, Rig, Skin, Splats, Tracks
 from exporters.clip_io import load_clip, save_clip
 from exporters.errors import ClipError, WriteError
+from exporters.options import ExportOptions
 from exporters.registry import EXPORTERS, export_clip
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "Clip",
     "ClipCamera",
     "ClipError",
+    "ExportOptions",
     "Posed",
     "Rig",
     "Skin",

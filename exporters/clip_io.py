@@ -18,6 +18,7 @@ import numpy as np
 from exporters.atomic import replacing
 from exporters.clip import Clip, ClipCamera, Rig, Skin, Splats, Tracks
 from exporters.errors import ClipError
+from exporters.options import ExportOptions
 
 FORMAT_NAME = "splatimate-clip"
 FORMAT_VERSION = 1
@@ -28,12 +29,15 @@ _PARTS = {"splats": Splats, "rig": Rig, "skin": Skin, "tracks": Tracks, "camera"
 _PLAIN_FIELDS = ("name", "fps", "up_axis", "meters_per_unit", "source_frames")
 
 
-def save_clip(clip: Clip, path: str | Path) -> tuple[Path, ...]:
+def save_clip(
+    clip: Clip, path: str | Path, options: ExportOptions | None = None
+) -> tuple[Path, ...]:
     """Write a clip, bit-exact.
 
     Args:
         clip: The clip; it is validated first, so that no unusable file is ever written.
         path: The target, by custom ending in `.splatimate.npz`; replaced whole.
+        options: Not used: the file holds the clip itself, whatever is made of it.
 
     Returns:
         The one file written.

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from exporters.clip import Clip
 from exporters.errors import WriteError
-from exporters.gltf.options import GltfOptions
+from exporters.options import ExportOptions
 
 EXPORTERS: dict[str, str] = {
     ".usd": "exporters.usd.write:write_usd_rig",
@@ -25,11 +25,8 @@ EXPORTERS: dict[str, str] = {
 """End of a path to `module:function`; the longest that fits counts. Resolved on use, so that no
 package is imported for a format that is not written."""
 
-GLTF_SUFFIXES = (".glb", ".gltf")
-"""Names whose writer takes `GltfOptions`."""
-
 Exporter = Callable[..., tuple[Path, ...]]
-"""Writes a clip to a path, with the format's options if it has any; returns the files written."""
+"""Writes a clip to a path as the options say; returns the files written."""
 
 
 def exporter_for(path: str | Path) -> Exporter:
@@ -56,14 +53,14 @@ def exporter_for(path: str | Path) -> Exporter:
 
 
 def export_clip(
-    clip: Clip, path: str | Path, *, gltf: GltfOptions | None = None
+    clip: Clip, path: str | Path, options: ExportOptions | None = None
 ) -> tuple[Path, ...]:
     """Write a clip in the format that the path's name asks for.
 
     Args:
         clip: The clip.
         path: The target, for example `out/clip.glb`; see `EXPORTERS`.
-        gltf: Choices for glTF files; other formats ignore them.
+        options: What goes into the file; None for the defaults.
 
     Returns:
         The files written.
@@ -72,7 +69,4 @@ def export_clip(
         ClipError: If the clip is not valid.
         WriteError: If the format is unknown or the place cannot be written.
     """
-    write = exporter_for(path)
-    if gltf is not None and Path(path).suffix.lower() in GLTF_SUFFIXES:
-        return write(clip, Path(path), gltf)
-    return write(clip, Path(path))
+    return exporter_for(path)(clip, Path(path), options or ExportOptions())

@@ -7,7 +7,7 @@ from animator.commands.outputs import OutputPlan
 from animator.config import AnimateOptions
 from exporters.clip import Clip
 from exporters.errors import WriteError
-from exporters.gltf.options import GltfOptions
+from exporters.options import ExportOptions
 from exporters.registry import export_clip
 
 logger = logging.getLogger(__name__)
@@ -22,13 +22,13 @@ def write_clip_files(clip: Clip, plan: OutputPlan, options: AnimateOptions) -> N
         WriteError: If a file cannot be written; the message says how to go on from the clip.
     """
     paths = (plan.clip, *plan.assets, plan.usd_cache, plan.ply_folder)
-    gltf = GltfOptions(rest_splats=options.rest_splats)
+    choices = ExportOptions(splats="rest" if options.rest_splats else "none")
     clip_path: Path | None = None
     for path in paths:
         if path is None:
             continue
         try:
-            export_clip(clip, path, gltf=gltf)
+            export_clip(clip, path, choices)
         except WriteError as error:
             if clip_path is None:
                 raise

@@ -13,9 +13,9 @@ from exporters.gltf.animation import NodeTracks, add_animation
 from exporters.gltf.buffers import BinaryBuffer
 from exporters.gltf.camera import add_camera
 from exporters.gltf.carrier_mesh import add_carrier_mesh, add_material
-from exporters.gltf.options import GltfOptions
 from exporters.gltf.skeleton import add_joints, add_skin
 from exporters.gltf.splats import REST_SPLATS_NAME, add_splat_mesh
+from exporters.options import ExportOptions
 
 GENERATOR = "Splatimate"
 
@@ -24,7 +24,7 @@ GLB_BLOB_LIMIT_BYTES = 2**32 - 2**27
 
 
 def write_gltf(
-    clip: Clip, path: str | Path, options: GltfOptions | None = None
+    clip: Clip, path: str | Path, options: ExportOptions | None = None
 ) -> tuple[Path, ...]:
     """Write the rigged asset as glTF 2.0.
 
@@ -48,7 +48,7 @@ def write_gltf(
     if suffix not in (".glb", ".gltf"):
         raise ClipError(f"{path}: expected a name ending in .glb or .gltf, got {path.suffix!r}")
     clip.validate()
-    document, blob = build_document(to_y_up_meters(clip), options or GltfOptions())
+    document, blob = build_document(to_y_up_meters(clip), options or ExportOptions())
     if suffix == ".glb":
         if len(blob) > GLB_BLOB_LIMIT_BYTES:
             raise ClipError(
@@ -69,7 +69,7 @@ def write_gltf(
     return path, blob_path
 
 
-def build_document(clip: Clip, options: GltfOptions) -> tuple[pygltflib.GLTF2, bytes]:
+def build_document(clip: Clip, options: ExportOptions) -> tuple[pygltflib.GLTF2, bytes]:
     """Describe a clip as glTF objects and one binary buffer.
 
     Args:
@@ -103,7 +103,7 @@ def build_document(clip: Clip, options: GltfOptions) -> tuple[pygltflib.GLTF2, b
     extras = {"fps": float(clip.fps), "source_frames": [int(i) for i in clip.source_frames]}
     add_animation(document, buffer, clip.tracks.times_s, tracks, extras)
 
-    if options.rest_splats:
+    if options.splats == "rest":
         mesh = add_splat_mesh(document, buffer, clip.splats, material)
         splats = _add_node(document, pygltflib.Node(name=REST_SPLATS_NAME, mesh=mesh))
         document.scenes.append(pygltflib.Scene(name=REST_SPLATS_NAME, nodes=[splats]))

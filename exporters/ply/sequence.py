@@ -7,13 +7,17 @@ from exporters.atomic import replacing_folder
 from exporters.baking import Progress, bake_frames
 from exporters.clip import Clip
 from exporters.errors import WriteError
+from exporters.options import ExportOptions
 from exporters.ply import layout
 
 _FRAME_FILE = re.compile(r"clip_\d{4,}\.ply")
 
 
 def write_ply_sequence(
-    clip: Clip, folder: str | Path, progress: Progress | None = None
+    clip: Clip,
+    folder: str | Path,
+    options: ExportOptions | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Path, ...]:
     """Write `clip_0000.ply`, `clip_0001.ply`, ...: Gaussian i is row i in all of them.
 
@@ -22,6 +26,7 @@ def write_ply_sequence(
     Args:
         clip: The clip.
         folder: The target; an older sequence in it is replaced, anything else is not.
+        options: Choices; None for the defaults.
         progress: Called with the frames done and their total.
 
     Returns:

@@ -8,13 +8,17 @@ from pxr import Usd, UsdGeom, UsdVol
 from exporters import bounds
 from exporters.baking import Progress, bake_frames
 from exporters.clip import Clip, Splats
+from exporters.options import ExportOptions
 from exporters.usd import values
 from exporters.usd.camera import define_camera
 from exporters.usd.stage import define_root, writing_stage
 
 
 def write_usd_cache(
-    clip: Clip, path: str | Path, progress: Progress | None = None
+    clip: Clip,
+    path: str | Path,
+    options: ExportOptions | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Path, ...]:
     """Write the Gaussians as one time-sampled ParticleField3DGaussianSplat.
 
@@ -30,6 +34,7 @@ def write_usd_cache(
     Args:
         clip: The clip.
         path: The target, best `.usdc`; `.usda` is text, and many times larger.
+        options: Choices; None for the defaults.
         progress: Called with the frames done and their total.
 
     Returns:

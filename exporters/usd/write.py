@@ -6,6 +6,7 @@ from pxr import UsdSkel
 
 from exporters import bounds
 from exporters.clip import Clip
+from exporters.options import ExportOptions
 from exporters.usd import values
 from exporters.usd.camera import define_camera
 from exporters.usd.carrier_mesh import define_carrier_mesh
@@ -13,7 +14,9 @@ from exporters.usd.skeleton import define_skeleton
 from exporters.usd.stage import define_root, writing_stage
 
 
-def write_usd_rig(clip: Clip, path: str | Path) -> tuple[Path, ...]:
+def write_usd_rig(
+    clip: Clip, path: str | Path, options: ExportOptions | None = None
+) -> tuple[Path, ...]:
     """Write skeleton, animation, skinned carrier mesh and camera.
 
     ```
@@ -29,6 +32,7 @@ def write_usd_rig(clip: Clip, path: str | Path) -> tuple[Path, ...]:
     Args:
         clip: The clip.
         path: The target: `.usdc` or `.usd` binary, `.usda` text, `.usdz` package.
+        options: Choices; None for the defaults.
 
     Returns:
         The one file written.

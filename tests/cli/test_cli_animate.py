@@ -258,10 +258,10 @@ def test_a_failing_write_says_how_to_go_on(scene, out, stub_fit, monkeypatch, ca
     from exporters.errors import WriteError
     from exporters.registry import export_clip
 
-    def full_disk(clip, path, **options):
+    def full_disk(clip, path, options):
         if path.suffix == ".glb":
             raise WriteError(f"{path}: no space left")
-        return export_clip(clip, path, **options)
+        return export_clip(clip, path, options)
 
     monkeypatch.setattr("animator.commands.clip_files.export_clip", full_disk)
     assert run(scene, out) == 5

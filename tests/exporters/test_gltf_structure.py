@@ -10,17 +10,17 @@ import pytest
 from exporters.clip import Clip, Rig, Tracks
 from exporters.errors import ClipError, WriteError
 from exporters.gltf.carrier_mesh import skin_attributes
-from exporters.gltf.options import GltfOptions
 from exporters.gltf.write import write_gltf
+from exporters.options import ExportOptions
 from tests.helpers import clips, gltf_reader
 from tests.helpers.gltf_reader import GltfFile
 from tests.helpers.validators import gltf_issues
 
 CLIPS = sorted(clips.ALL)
-WITHOUT_SPLATS = GltfOptions(rest_splats=False)
+WITHOUT_SPLATS = ExportOptions(splats="none")
 
 
-def exported(clip: Clip, folder: Path, options: GltfOptions | None = None) -> GltfFile:
+def exported(clip: Clip, folder: Path, options: ExportOptions | None = None) -> GltfFile:
     write_gltf(clip, folder / "clip.glb", options)
     return gltf_reader.read(folder / "clip.glb")
 
