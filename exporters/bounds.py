@@ -1,9 +1,12 @@
 """Boxes around Gaussians."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from exporters import quaternions
-from exporters.clip import Clip, Posed
+from exporters.clip import Clip, Posed, Skin
+from exporters.skinned_mesh import SkinnedMesh
 
 EXTENT_SIGMAS = 3.0  # the support of USD's ParticleFieldKernelGaussianEllipsoidAPI
 
@@ -51,8 +54,8 @@ def point_extent(points: np.ndarray) -> np.ndarray:
     return np.stack([points.min(axis=0), points.max(axis=0)])
 
 
-def swept_extent(clip: Clip) -> np.ndarray:
-    """Return a box that holds the carrier and the 3-sigma ellipsoids, skinned, at all keys.
+def swept_extent(clip: Clip, meshes: Sequence[SkinnedMesh] = ()) -> np.ndarray:
+    """Return a box that holds the 3-sigma ellipsoids and the meshes, skinned, at all keys.
 
     It need not pose the Gaussians: a skinned point is a mean of where its joints alone would take
     it, so it lies within the boxes of what each joint moves, taken along by the joint. The box is
@@ -63,7 +66,12 @@ def swept_extent(clip: Clip) -> np.ndarray:
     """
     splats = clip.splats
     half_widths = ellipsoid_half_widths(splats.quats_wxyz, splats.scales)
-    corners = _joint_corners(clip, splats.positions - half_widths, splats.positions + half_widths)
+    boxes = np.full((2, len(clip.rig), 3), [[[np.inf]], [[-np.inf]]])
+    _widen(boxes, clip.skin, splats.positions - half_widths, splats.positions + half_widths)
+    for mesh in meshes:
+        _widen(boxes, mesh, mesh.positions, mesh.positions)
+    sides = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(8, 3)
+    corners = boxes[sides, :, np.arange(3)].transpose(2, 0, 1)
     is_used = np.isfinite(corners).all(axis=(1, 2))
     inverse_bind = np.linalg.inv(clip.bind_matrices())
     swept = []
@@ -74,12 +82,11 @@ def swept_extent(clip: Clip) -> np.ndarray:
     return point_extent(np.concatenate(swept)).astype(np.float32)
 
 
-def _joint_corners(clip: Clip, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return the corners of the rest box of what each joint moves, inf if nothing, (J, 8, 3)."""
-    boxes = np.full((2, len(clip.rig), 3), [[[np.inf]], [[-np.inf]]])
-    rows, influences = np.nonzero(clip.skin.weights > 0)
-    joint_ids = clip.skin.joint_ids[rows, influences]
+def _widen(
+    boxes: np.ndarray, influences: Skin | SkinnedMesh, low: np.ndarray, high: np.ndarray
+) -> None:
+    """Let the rest box of each joint, (2, J, 3), hold what it moves: from `low` to `high`."""
+    rows, columns = np.nonzero(influences.weights > 0)
+    joint_ids = influences.joint_ids[rows, columns]
     np.minimum.at(boxes[0], joint_ids, low[rows])
     np.maximum.at(boxes[1], joint_ids, high[rows])
-    sides = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), axis=-1).reshape(8, 3)
-    return boxes[sides, :, np.arange(3)].transpose(2, 0, 1)

@@ -5,12 +5,11 @@ vertices 4i .. 4i+3, all four bound like Gaussian i: their mean is the Gaussian'
 pose, and their edges follow the rotation (and the shear) that linear blend skinning gives there.
 """
 
-import dataclasses
-
 import numpy as np
 
 from exporters import quaternions
-from exporters.clip import Splats
+from exporters.clip import Skin, Splats
+from exporters.skinned_mesh import SkinnedMesh, normalized_influences
 
 HALF_SIZE_SIGMAS = 2.0
 """Half the side of a quad, in standard deviations along each axis.
@@ -27,35 +26,15 @@ SH_C0 = 0.28209479177387814  # Y_0^0 = 1 / (2 sqrt(pi))
 _CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], dtype=np.float32)
 
 
-@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class CarrierMesh:
-    """Oriented quads in the rest pose, N of them."""
-
-    positions: np.ndarray
-    """Vertices [scene unit], float32, shape (4N, 3)."""
-    normals: np.ndarray
-    """Unit normals along the axis of the smallest scale, float32, shape (4N, 3)."""
-    quads: np.ndarray
-    """Vertex indices of each quad, counter-clockwise about its normal, int32, shape (N, 4)."""
-    colors_linear: np.ndarray
-    """Linear Rec. 709 colors 0..1 of the constant SH term, float32, shape (4N, 3)."""
-    opacities: np.ndarray
-    """Opacities 0..1, float32, shape (4N,)."""
-
-    @property
-    def triangles(self) -> np.ndarray:
-        """The quads cut along the diagonal 0-2, int32, shape (2N, 3)."""
-        return self.quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
-
-
-def carrier_quads(splats: Splats) -> CarrierMesh:
+def carrier_quads(splats: Splats, skin: Skin) -> SkinnedMesh:
     """Span one quad a Gaussian by its two largest axes.
 
     Args:
         splats: The Gaussians at rest, N of them.
+        skin: Their joints and weights.
 
     Returns:
-        Quad i for Gaussian i, sides of `2 * HALF_SIZE_SIGMAS` standard deviations.
+        The mesh `carrier`: quad i for Gaussian i, sides of `2 * HALF_SIZE_SIGMAS` sigmas.
     """
     count = len(splats)
     axes = quaternions.to_matrices(splats.quats_wxyz)
@@ -74,16 +53,21 @@ def carrier_quads(splats: Splats) -> CarrierMesh:
     offsets = np.float32(HALF_SIZE_SIGMAS) * np.einsum("ca,nax->ncx", _CORNERS, sides)
     vertices = splats.positions[:, None, :] + offsets
     indices = np.arange(VERTICES_PER_SPLAT * count, dtype=np.int32)
-    return CarrierMesh(
+    joint_ids, weights = normalized_influences(skin.joint_ids, skin.weights)
+    return SkinnedMesh(
+        name="carrier",
         positions=np.ascontiguousarray(vertices.reshape(-1, 3), dtype=np.float32),
-        normals=per_vertex(np.cross(first, second).astype(np.float32)),
-        quads=indices.reshape(-1, VERTICES_PER_SPLAT),
-        colors_linear=per_vertex(base_colors_linear(splats)),
-        opacities=per_vertex(splats.opacities),
+        normals=_per_vertex(np.cross(first, second).astype(np.float32)),
+        faces=indices.reshape(-1, VERTICES_PER_SPLAT),
+        colors_linear=_per_vertex(base_colors_linear(splats)),
+        opacities=_per_vertex(splats.opacities),
+        joint_ids=_per_vertex(joint_ids),
+        weights=_per_vertex(weights),
+        is_closed=False,
     )
 
 
-def per_vertex(per_splat: np.ndarray) -> np.ndarray:
+def _per_vertex(per_splat: np.ndarray) -> np.ndarray:
     """Repeat one row a Gaussian for the four vertices of its quad, (N, ...) to (4N, ...)."""
     return np.repeat(per_splat, VERTICES_PER_SPLAT, axis=0)
 

@@ -13,7 +13,7 @@ from exporters.carrier import base_colors_linear
 from exporters.clip import Splats
 from exporters.gltf import order
 from exporters.gltf.buffers import BinaryBuffer
-from exporters.gltf.carrier_mesh import packed_colors
+from exporters.gltf.skinned_mesh import packed_colors
 
 SPLAT_EXTENSION = "KHR_gaussian_splatting"
 REST_SPLATS_NAME = "rest_splats"

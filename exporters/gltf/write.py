@@ -12,9 +12,11 @@ from exporters.errors import ClipError
 from exporters.gltf.animation import NodeTracks, add_animation
 from exporters.gltf.buffers import BinaryBuffer
 from exporters.gltf.camera import add_camera
-from exporters.gltf.carrier_mesh import add_carrier_mesh, add_material
+from exporters.gltf.materials import Materials
 from exporters.gltf.skeleton import add_joints, add_skin
+from exporters.gltf.skinned_mesh import add_skinned_mesh
 from exporters.gltf.splats import REST_SPLATS_NAME, add_splat_mesh
+from exporters.meshes import meshes_of
 from exporters.options import ExportOptions
 
 GENERATOR = "Splatimate"
@@ -28,8 +30,8 @@ def write_gltf(
 ) -> tuple[Path, ...]:
     """Write the rigged asset as glTF 2.0.
 
-    The default scene holds the skeleton below a node of the clip's name, the skinned carrier mesh
-    and the solved camera; a second scene, `rest_splats`, the exact splats at rest.
+    The default scene holds the skeleton below a node of the clip's name, the skinned meshes
+    (by default the carrier) and the solved camera; a second scene, `rest_splats`, the exact splats at rest.
 
     Args:
         clip: What to write, any up axis and unit; the file is Y-up, in meters and seconds.
@@ -90,21 +92,34 @@ def build_document(clip: Clip, options: ExportOptions) -> tuple[pygltflib.GLTF2,
         children += tracks[-1].nodes
     root = _add_node(document, pygltflib.Node(name=clip.name, children=children))
 
-    material = add_material(document, options.alpha_cutoff)
-    carrier = pygltflib.Node(
-        name="carrier",
-        mesh=add_carrier_mesh(document, buffer, clip, material),
-        skin=add_skin(document, buffer, clip, joint_nodes),
-    )
+    materials = Materials(document, options.alpha_cutoff)
+    skinned = [
+        pygltflib.Node(
+            name=mesh.name,
+            mesh=add_skinned_mesh(
+                document,
+                buffer,
+                mesh,
+                joint_count=len(clip.rig),
+                material=materials.surface_colors if mesh.is_closed else materials.splat_colors,
+            ),
+        )
+        for mesh in meshes_of(clip, options)
+    ]
+    # Without a mesh too: importers tell joints from plain nodes by the skin.
+    skin = add_skin(document, buffer, clip, joint_nodes)
     # A skinned mesh ignores its parents (glTF 2.0, section 3.7.3.2), hence at the scene's root.
-    nodes = [root, _add_node(document, carrier)]
+    nodes = [root]
+    for node in skinned:
+        node.skin = skin
+        nodes.append(_add_node(document, node))
     document.scenes.append(pygltflib.Scene(name=clip.name, nodes=nodes))
 
     extras = {"fps": float(clip.fps), "source_frames": [int(i) for i in clip.source_frames]}
     add_animation(document, buffer, clip.tracks.times_s, tracks, extras)
 
     if options.splats == "rest":
-        mesh = add_splat_mesh(document, buffer, clip.splats, material)
+        mesh = add_splat_mesh(document, buffer, clip.splats, materials.splat_colors)
         splats = _add_node(document, pygltflib.Node(name=REST_SPLATS_NAME, mesh=mesh))
         document.scenes.append(pygltflib.Scene(name=REST_SPLATS_NAME, nodes=[splats]))
     return document, buffer.finish()

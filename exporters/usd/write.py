@@ -6,24 +6,26 @@ from pxr import UsdSkel
 
 from exporters import bounds
 from exporters.clip import Clip
+from exporters.meshes import meshes_of
 from exporters.options import ExportOptions
 from exporters.usd import values
 from exporters.usd.camera import define_camera
-from exporters.usd.carrier_mesh import define_carrier_mesh
 from exporters.usd.skeleton import define_skeleton
+from exporters.usd.skinned_mesh import define_skinned_mesh
 from exporters.usd.stage import define_root, writing_stage
 
 
 def write_usd_rig(
     clip: Clip, path: str | Path, options: ExportOptions | None = None
 ) -> tuple[Path, ...]:
-    """Write skeleton, animation, skinned carrier mesh and camera.
+    """Write skeleton, animation, skinned meshes and camera.
 
     ```
     /Name            SkelRoot, default prim, kind component, extent of the whole motion
       /Skel          Skeleton
         /Anim        SkelAnimation, sampled at the clip's keys
-      /Carrier       Mesh, one quad a Gaussian, four influences a point
+      /Carrier       Mesh, one quad a Gaussian, four influences a point; or as asked for:
+      /Surface       Mesh, closed, four influences a point
       /Camera        Camera, if the clip has one
     ```
 
@@ -42,12 +44,15 @@ def write_usd_rig(
         WriteError: If the file cannot be written.
     """
     clip.validate()
+    options = options or ExportOptions()
+    meshes = meshes_of(clip, options)
     with writing_stage(clip, path) as stage:
         root = define_root(stage, clip, "SkelRoot")
         root_path = str(root.GetPath())
-        swept_extent = bounds.swept_extent(clip)
+        swept_extent = bounds.swept_extent(clip, meshes)
         UsdSkel.Root(root).CreateExtentAttr(values.vectors(swept_extent))
         skeleton = define_skeleton(stage, clip, f"{root_path}/Skel")
-        define_carrier_mesh(stage, clip, f"{root_path}/Carrier", skeleton)
+        for mesh in meshes:
+            define_skinned_mesh(stage, mesh, f"{root_path}/{mesh.name.capitalize()}", skeleton)
         define_camera(stage, clip, f"{root_path}/Camera", swept_extent)
     return (Path(path),)

@@ -3,7 +3,8 @@
 import numpy as np
 
 from exporters.carrier import HALF_SIZE_SIGMAS, base_colors_linear, carrier_quads
-from exporters.clip import Splats
+from exporters.clip import Skin, Splats
+from tests.helpers import clips
 
 SH_C0 = 0.5 / np.sqrt(np.pi)
 
@@ -25,7 +26,9 @@ def test_quad_spans_the_two_largest_axes() -> None:
     expected = np.array([1.0, 2.0, 3.0]) + np.array(
         [[0, -short, -long], [0, -short, long], [0, short, long], [0, short, -long]]
     )
-    np.testing.assert_allclose(carrier_quads(one_splat()).positions, expected, atol=1e-6)
+    np.testing.assert_allclose(
+        carrier_quads(one_splat(), clips.skin_to([0])).positions, expected, atol=1e-6
+    )
 
 
 def test_normals_agree_with_the_winding_of_both_triangles() -> None:
@@ -38,7 +41,8 @@ def test_normals_agree_with_the_winding_of_both_triangles() -> None:
             scales=rng.uniform(0.1, 0.2, (20, 3)),
             opacities=np.full(20, 0.5),
             sh_coeffs=np.zeros((20, 1, 3)),
-        )
+        ),
+        clips.skin_to([0] * 20),
     )
     corners = mesh.positions[mesh.triangles].astype(np.float64)
     faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -47,12 +51,13 @@ def test_normals_agree_with_the_winding_of_both_triangles() -> None:
 
 
 def test_mean_of_the_vertices_is_the_center() -> None:
-    mean = carrier_quads(one_splat()).positions.mean(axis=0)
+    mean = carrier_quads(one_splat(), clips.skin_to([0])).positions.mean(axis=0)
     np.testing.assert_allclose(mean, [1, 2, 3], atol=1e-6)
 
 
 def test_equal_scales_choose_the_first_axes() -> None:
-    mesh = carrier_quads(one_splat(quats_wxyz=[[1.0, 0.0, 0.0, 0.0]], scales=[[0.1, 0.1, 0.1]]))
+    ball = one_splat(quats_wxyz=[[1.0, 0.0, 0.0, 0.0]], scales=[[0.1, 0.1, 0.1]])
+    mesh = carrier_quads(ball, clips.skin_to([0]))
     np.testing.assert_allclose(mesh.normals[0], [0.0, 0.0, 1.0], atol=1e-6)
 
 
@@ -63,3 +68,10 @@ def test_colors_are_decoded_from_srgb_and_clipped() -> None:
     np.testing.assert_allclose(
         base_colors_linear(splat)[0], [0.21404114, 0.02 / 12.92, 1.0], rtol=1e-4
     )
+
+
+def test_unused_influences_name_joint_zero_and_weights_sum_to_one() -> None:
+    skin = Skin(joint_ids=[[3, 1, 2, 2]], weights=[[0.25, 0.5, 0.0, 0.0]])
+    mesh = carrier_quads(one_splat(), skin)
+    np.testing.assert_array_equal(mesh.joint_ids, [[3, 1, 0, 0]] * 4)
+    np.testing.assert_allclose(mesh.weights, [[1 / 3, 2 / 3, 0, 0]] * 4, rtol=1e-7)
