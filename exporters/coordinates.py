@@ -12,63 +12,80 @@ USD names its axis and unit in the file, so it takes a clip as it is. glTF has o
 `to_y_up_meters` converts to it. The change is baked into every number, not left to a root node:
 viewers differ in whether a node's rotation turns spherical harmonics (KHR_gaussian_splatting).
 The turn from Z-up is -90 degrees about +x: (x, y, z) becomes (x, z, -y), as Blender's own glTF
-exporter does.
+exporter does; the turn from Y-up is the opposite one, (x, -z, y).
 """
 
 import dataclasses
+from typing import Literal
 
 import numpy as np
 
 from exporters import harmonics, quaternions
 from exporters.clip import Clip, ClipCamera
 
+UpAxis = Literal["Y", "Z"]
+
 Y_UP_FROM_Z_UP_WXYZ = np.array([np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0])
 Y_UP_FROM_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
 
 def to_y_up_meters(clip: Clip) -> Clip:
-    """Return the same asset with +y up and one unit a meter; a clip that is so already, itself.
+    """Return the same asset with +y up and one unit a meter; a clip that is so already, itself."""
+    return in_world(clip, up_axis="Y", meters_per_unit=1.0)
+
+
+def in_world(clip: Clip, *, up_axis: UpAxis, meters_per_unit: float) -> Clip:
+    """Return the same asset in a world of another up axis and unit; if it is so already, itself.
 
     The root joint, the Gaussians (their spherical harmonics too) and the camera turn; all lengths
     scale.
+
+    Args:
+        clip: The clip.
+        up_axis: Axis that is up afterwards.
+        meters_per_unit: Meters in one unit afterwards.
     """
-    if clip.up_axis == "Z":
-        clip = _turned(clip)
-    if clip.meters_per_unit != 1.0:
-        clip = _scaled(clip, clip.meters_per_unit)
+    if clip.up_axis != up_axis:
+        clip = _turned(clip, up_axis)
+    if clip.meters_per_unit != meters_per_unit:
+        factor = clip.meters_per_unit / meters_per_unit
+        clip = dataclasses.replace(_scaled(clip, factor), meters_per_unit=meters_per_unit)
     return clip
 
 
-def _turned(clip: Clip) -> Clip:
-    """Turn the world from Z-up to Y-up."""
+def _turned(clip: Clip, up_axis: UpAxis) -> Clip:
+    """Turn the world so that the other axis is up."""
+    quat_wxyz, rotation = Y_UP_FROM_Z_UP_WXYZ, Y_UP_FROM_Z_UP
+    if up_axis == "Z":
+        quat_wxyz, rotation = quat_wxyz * [1.0, -1.0, 1.0, 1.0], rotation.T
     splats, rig, tracks = clip.splats, clip.rig, clip.tracks
     rest_translations, rest_quats_wxyz = rig.rest_translations.copy(), rig.rest_quats_wxyz.copy()
-    rest_translations[0] = Y_UP_FROM_Z_UP @ rest_translations[0]
-    rest_quats_wxyz[0] = quaternions.multiply(Y_UP_FROM_Z_UP_WXYZ, rest_quats_wxyz[0])
+    rest_translations[0] = rotation @ rest_translations[0]
+    rest_quats_wxyz[0] = quaternions.multiply(quat_wxyz, rest_quats_wxyz[0])
     translations, quats_wxyz = tracks.translations.copy(), tracks.quats_wxyz.copy()
-    translations[:, 0] = translations[:, 0] @ Y_UP_FROM_Z_UP.T
-    quats_wxyz[:, 0] = quaternions.multiply(Y_UP_FROM_Z_UP_WXYZ, quats_wxyz[:, 0])
+    translations[:, 0] = translations[:, 0] @ rotation.T
+    quats_wxyz[:, 0] = quaternions.multiply(quat_wxyz, quats_wxyz[:, 0])
     camera = clip.camera
     if camera is not None:
-        y_up_from_z_up = np.eye(4)
-        y_up_from_z_up[:3, :3] = Y_UP_FROM_Z_UP
+        turned_from_clip = np.eye(4)
+        turned_from_clip[:3, :3] = rotation
         camera = dataclasses.replace(
-            camera, cam_from_world=camera.cam_from_world @ y_up_from_z_up.T
+            camera, cam_from_world=camera.cam_from_world @ turned_from_clip.T
         )
     return dataclasses.replace(
         clip,
         splats=dataclasses.replace(
             splats,
-            positions=splats.positions @ Y_UP_FROM_Z_UP.T.astype(np.float32),
-            quats_wxyz=quaternions.multiply(Y_UP_FROM_Z_UP_WXYZ, splats.quats_wxyz),
-            sh_coeffs=harmonics.rotate(splats.sh_coeffs, Y_UP_FROM_Z_UP),
+            positions=splats.positions @ rotation.T.astype(np.float32),
+            quats_wxyz=quaternions.multiply(quat_wxyz, splats.quats_wxyz),
+            sh_coeffs=harmonics.rotate(splats.sh_coeffs, rotation),
         ),
         rig=dataclasses.replace(
             rig, rest_translations=rest_translations, rest_quats_wxyz=rest_quats_wxyz
         ),
         tracks=dataclasses.replace(tracks, translations=translations, quats_wxyz=quats_wxyz),
         camera=camera,
-        up_axis="Y",
+        up_axis=up_axis,
     )
 
 
@@ -85,7 +102,6 @@ def _scaled(clip: Clip, factor: float) -> Clip:
         rig=dataclasses.replace(rig, rest_translations=rig.rest_translations * factor),
         tracks=dataclasses.replace(tracks, translations=tracks.translations * factor),
         camera=None if clip.camera is None else _scaled_camera(clip.camera, factor),
-        meters_per_unit=1.0,
     )
 
 

@@ -25,15 +25,17 @@ class ExportOptions:
     """Keys may go while no Gaussian moves by more than this share of the diagonal; 0 keeps all."""
     tolerance_degrees: float = 0.1
     """... and no joint turns by more than this; counts only with a `tolerance` above 0."""
+    texture: bool = False
+    """Give a closed surface its colors by a texture too, in USD; for tools without vertex colors."""
     camera: bool = True
     """Write the solved camera, if the clip has one."""
     alpha_cutoff: float = 0.2
     """Carrier quads of a glTF file fainter than this are not drawn, 0..1."""
     fps: float | None = None
-    """Frames per second that the USD time codes count; None for the clip's own. Times stay."""
+    """Frames per second of USD time codes and caches; None for the clip's own. Times stay."""
     up_axis: Literal["Y", "Z"] | None = None
     """Turn the clip so that this axis is up; None leaves it (glTF is always Y-up)."""
     meters_per_unit: float | None = None
     """Scale the clip to this unit; None leaves it (glTF is always in meters)."""
     joint_limit: int | None = None
-    """Most joints the target takes: a rig with more is refused, with what to do."""
+    """Most joints the target takes: of a rig with more, those that matter least are merged."""

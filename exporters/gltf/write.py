@@ -5,9 +5,9 @@ from urllib.parse import quote
 
 import pygltflib
 
+from exporters.adaptation import adapt_to_gltf
 from exporters.atomic import replacing
 from exporters.clip import Clip
-from exporters.coordinates import to_y_up_meters
 from exporters.errors import ClipError
 from exporters.gltf.animation import NodeTracks, add_animation
 from exporters.gltf.buffers import BinaryBuffer
@@ -16,6 +16,7 @@ from exporters.gltf.materials import Materials
 from exporters.gltf.skeleton import add_joints, add_skin
 from exporters.gltf.skinned_mesh import add_skinned_mesh
 from exporters.gltf.splats import REST_SPLATS_NAME, add_splat_mesh
+from exporters.joint_limit import within_limit
 from exporters.meshes import meshes_of
 from exporters.options import ExportOptions
 
@@ -50,7 +51,9 @@ def write_gltf(
     if suffix not in (".glb", ".gltf"):
         raise ClipError(f"{path}: expected a name ending in .glb or .gltf, got {path.suffix!r}")
     clip.validate()
-    document, blob = build_document(to_y_up_meters(clip), options or ExportOptions())
+    options = options or ExportOptions()
+    clip = within_limit(adapt_to_gltf(clip, options), options.joint_limit)
+    document, blob = build_document(clip, options)
     if suffix == ".glb":
         if len(blob) > GLB_BLOB_LIMIT_BYTES:
             raise ClipError(

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+from exporters.adaptation import adapt
 from exporters.atomic import replacing_folder
 from exporters.baking import Progress, bake_frames
 from exporters.clip import Clip
@@ -37,6 +38,7 @@ def write_ply_sequence(
         WriteError: If the folder cannot be written, or holds files that are not of a sequence.
     """
     clip.validate()
+    clip = adapt(clip, options or ExportOptions())
     folder = Path(folder)
     _refuse_foreign_files(folder)
     splat_count, sh_count = clip.splats.sh_coeffs.shape[:2]

@@ -6,6 +6,7 @@ import numpy as np
 from pxr import Usd, UsdGeom, UsdVol
 
 from exporters import bounds
+from exporters.adaptation import adapt
 from exporters.baking import Progress, bake_frames
 from exporters.clip import Clip, Splats
 from exporters.options import ExportOptions
@@ -45,6 +46,7 @@ def write_usd_cache(
         WriteError: If the file cannot be written.
     """
     clip.validate()
+    clip = adapt(clip, options or ExportOptions())
     appends = Path(path).suffix.lower() != ".usda"  # a text layer is written anew by each Save
     with writing_stage(clip, path) as stage:
         root = define_root(stage, clip, "Xform")

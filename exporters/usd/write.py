@@ -5,7 +5,9 @@ from pathlib import Path
 from pxr import UsdSkel
 
 from exporters import bounds
+from exporters.adaptation import adapt
 from exporters.clip import Clip
+from exporters.joint_limit import within_limit
 from exporters.meshes import meshes_of
 from exporters.options import ExportOptions
 from exporters.usd import values
@@ -45,6 +47,7 @@ def write_usd_rig(
     """
     clip.validate()
     options = options or ExportOptions()
+    clip = within_limit(adapt(clip, options), options.joint_limit)
     meshes = meshes_of(clip, options)
     with writing_stage(clip, path) as stage:
         root = define_root(stage, clip, "SkelRoot")
