@@ -1,4 +1,4 @@
-"""The command line: `animate` and `splatimate animate|export|inspect`.
+"""The command line: `animate` and `splatimate animate|export|inspect|profiles`.
 
 Only flags are read here; the packages a command needs are imported when it runs, so that `--help`
 is quick and `export` works without torch.
@@ -17,6 +17,7 @@ from animator.commands.arguments import (
 )
 from animator.commands.console import Verbosity, logging_to_stderr
 from animator.commands.exit_code import ExitCode
+from animator.commands.export_choices import CHOICES, export_options
 from animator.commands.outputs import (
     OutputNameError,
     OutputPlan,
@@ -26,6 +27,7 @@ from animator.commands.outputs import (
 from animator.commands.version import program_version
 from animator.config import AnimateOptions
 from animator.errors import InputError
+from exporters.options import ExportOptions
 
 _ANIMATE_DESCRIPTION = "Animate a Gaussian splat so that it follows a video, and write it rigged."
 _ANIMATE_EXAMPLE = """\
@@ -44,6 +46,7 @@ _EXPORT_CACHE = "none"
 _INSPECT_DESCRIPTION = (
     "Say what was found, what is missing, what would run, and how large the output gets."
 )
+_PROFILES_DESCRIPTION = "List the profiles: the choices of each, why, and how that is known."
 _DEFAULT_OUT = Path("clip.usd")
 """What `inspect` plans for without `--out`."""
 
@@ -68,12 +71,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     export = _add_command(commands, "export", _export, _EXPORT_DESCRIPTION)
     export.add_argument("clip", metavar="CLIP", type=Path, help="NAME.splatimate.npz")
-    for name in ("out", "rest_splats", "overwrite", "quiet", "verbose"):
+    for name in ("out", "profile", *CHOICES, "overwrite", "quiet", "verbose"):
         add_option(export, name)
     add_option(export, "cache", default=_EXPORT_CACHE)
 
     inspect = _add_command(commands, "inspect", _inspect, _INSPECT_DESCRIPTION)
     add_animate_arguments(inspect)
+
+    _add_command(commands, "profiles", _profiles, _PROFILES_DESCRIPTION)
 
     arguments = parser.parse_args(argv)
     return _run(arguments.command, arguments, arguments.parser)
@@ -108,6 +113,13 @@ def _inspect(arguments: argparse.Namespace, parser: argparse.ArgumentParser) -> 
         return run_inspect(arguments.source, options, plan)
 
 
+def _profiles(arguments: argparse.Namespace, parser: argparse.ArgumentParser) -> ExitCode:
+    from animator.commands.profile_text import describe_profiles
+
+    sys.stdout.write(describe_profiles())
+    return ExitCode.DONE
+
+
 def _run(command: Command, arguments: argparse.Namespace, parser: argparse.ArgumentParser) -> int:
     """Run a command and turn what goes wrong into a message and an exit code."""
     try:
@@ -134,7 +146,7 @@ def _explain(error: Exception) -> tuple[str, ExitCode]:
 
 def _planned(
     parser: argparse.ArgumentParser,
-    planner: Callable[[Sequence[Path], str], OutputPlan],
+    planner: Callable[[Sequence[Path], str, ExportOptions], OutputPlan],
     options: AnimateOptions,
     default_outs: tuple[Path, ...] = (),
 ) -> OutputPlan:
@@ -143,7 +155,7 @@ def _planned(
     if not outs:
         parser.error("give at least one --out FILE, such as --out clip.usd")
     try:
-        return planner(outs, options.cache)
+        return planner(outs, options.cache, export_options(options))
     except OutputNameError as error:
         parser.error(str(error))
 

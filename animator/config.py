@@ -4,14 +4,17 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args, get_type_hints
 
 from animator.commands import value_kind
 from animator.commands.value_kind import ValueKind
+from exporters.options import ExportOptions
+from exporters.profiles import PROFILES
 
 INPUTS = "inputs (found beside FRAMES unless given)"
 FRAMES = "which frames"
 OUTPUTS = "outputs"
+WRITTEN = "what is in them (a flag wins over the profile)"
 METHOD = "method"
 ABLATION = "ablation (switch one part of the method off)"
 RUN = "this run"
@@ -36,6 +39,20 @@ class OptionInfo:
 def _option(default: Any, kind: ValueKind, group: str, help_text: str, **more: Any) -> Any:
     info = OptionInfo(kind=kind, group=group, help=help_text, **more)
     return dataclasses.field(default=default, metadata={"info": info})
+
+
+def _export_option(name: str, help_text: str, kind: ValueKind | None = None) -> Any:
+    """Define an option that is a field of `ExportOptions`: None unless given, so that a profile counts.
+
+    Args:
+        name: The field.
+        help_text: One line of help.
+        kind: The values it takes; None for one of the field's literals.
+    """
+    kind = kind or value_kind.choice(*get_args(get_type_hints(ExportOptions)[name]))
+    default = getattr(ExportOptions(), name)
+    shown = "" if kind.metavar is None else f" (default: {default})"
+    return _option(None, kind, WRITTEN, help_text + shown)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -102,11 +119,42 @@ class AnimateOptions:
     meters_per_unit: float = _option(
         1.0, value_kind.positive("M"), OUTPUTS, "meters in one unit of the splat"
     )
-    rest_splats: bool = _option(
-        True, value_kind.switch(), OUTPUTS, "leave the exact splats at rest out of glTF files"
-    )
     overwrite: bool = _option(
         False, value_kind.switch(), OUTPUTS, "replace outputs that already exist"
+    )
+
+    profile: str = _option(
+        "generic",
+        value_kind.choice(*PROFILES),
+        WRITTEN,
+        "what the tool you write for likes best; `splatimate profiles` lists the choices of each",
+    )
+    mesh: Literal["quads", "surface", "both", "none"] | None = _export_option(
+        "mesh", "what carries the skin: a quad a Gaussian, a closed surface, both or none"
+    )
+    faces: int | None = _export_option(
+        "faces", "most triangles of the surface", value_kind.whole(4)
+    )
+    splats: Literal["none", "rest", "parts"] | None = _export_option(
+        "splats", "splats in glTF: none, at rest in a second scene, or a moving set a rigid part"
+    )
+    usd_splats: Literal["none", "sibling", "payload"] | None = _export_option(
+        "usd_splats", "moving splats in USD: none, beside the mesh, or in a file of their own"
+    )
+    rotate_sh: bool | None = _export_option(
+        "rotate_sh",
+        "turn view-dependent colors with the Gaussians in the caches, which grow by them a frame",
+        value_kind.switch(),
+    )
+    tolerance: float | None = _export_option(
+        "tolerance",
+        "leave out keys while no Gaussian moves by more than this share of the diagonal",
+        value_kind.share(),
+    )
+    tolerance_degrees: float | None = _export_option(
+        "tolerance_degrees",
+        "... and no joint turns by more than this; counts with a tolerance above 0",
+        value_kind.not_negative("DEG"),
     )
 
     matcher: str = _option(

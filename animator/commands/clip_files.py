@@ -3,11 +3,11 @@
 import logging
 from pathlib import Path
 
+from animator.commands.export_choices import export_options
 from animator.commands.outputs import OutputPlan
 from animator.config import AnimateOptions
 from exporters.clip import Clip
 from exporters.errors import WriteError
-from exporters.options import ExportOptions
 from exporters.registry import export_clip
 
 logger = logging.getLogger(__name__)
@@ -22,7 +22,7 @@ def write_clip_files(clip: Clip, plan: OutputPlan, options: AnimateOptions) -> N
         WriteError: If a file cannot be written; the message says how to go on from the clip.
     """
     paths = (plan.clip, *plan.assets, plan.usd_cache, plan.ply_folder)
-    choices = ExportOptions(splats="rest" if options.rest_splats else "none")
+    choices = export_options(options)
     clip_path: Path | None = None
     for path in paths:
         if path is None:

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from exporters.clip_io import SUFFIX as CLIP_SUFFIX
+from exporters.companions import companions
 from exporters.errors import WriteError
+from exporters.options import ExportOptions
 from exporters.registry import EXPORTERS
 
 ASSET_SUFFIXES = tuple(end for end in EXPORTERS if end[0] == "." and end != CLIP_SUFFIX)
@@ -34,6 +36,8 @@ class OutputPlan:
     report_json: Path | None = None
     report_html: Path | None = None
     contact_sheet: Path | None = None
+    companions: tuple[Path, ...] = ()
+    """What the writers of assets put beside them: a binary, splats, a texture."""
     progress: Path | None = None
     """What an interrupted run leaves; no output."""
 
@@ -53,8 +57,7 @@ class OutputPlan:
             self.report_html,
             self.contact_sheet,
         )
-        blobs = tuple(p.with_suffix(".bin") for p in self.assets if p.suffix.lower() == ".gltf")
-        return (*self.assets, *blobs, *(path for path in sidecars if path is not None))
+        return (*self.assets, *self.companions, *(path for path in sidecars if path is not None))
 
     def make_folders(self) -> None:
         """Make the folders that the files go to."""
@@ -83,12 +86,13 @@ class OutputPlan:
             _check_replaceable(path, is_folder=path == self.ply_folder)
 
 
-def plan_animation(outs: Sequence[Path], cache: str) -> OutputPlan:
+def plan_animation(outs: Sequence[Path], cache: str, choices: ExportOptions) -> OutputPlan:
     """Plan the files of `animate`; the sidecars lie beside the first asset, under its name.
 
     Args:
         outs: The assets to write, at least one.
         cache: `ply`, `usd`, `both` or `none`.
+        choices: What goes into the assets.
 
     Raises:
         OutputNameError: If a name has no known suffix, or two outputs have one name.
@@ -96,7 +100,7 @@ def plan_animation(outs: Sequence[Path], cache: str) -> OutputPlan:
     first = outs[0]
     stem = first.with_suffix("")
     plan = dataclasses.replace(
-        plan_export(outs, cache),
+        plan_export(outs, cache, choices),
         clip=_sibling(stem, CLIP_SUFFIX),
         report_json=_sibling(stem, "_report.json"),
         report_html=_sibling(stem, "_report.html"),
@@ -107,7 +111,7 @@ def plan_animation(outs: Sequence[Path], cache: str) -> OutputPlan:
     return plan
 
 
-def plan_export(outs: Sequence[Path], cache: str) -> OutputPlan:
+def plan_export(outs: Sequence[Path], cache: str, choices: ExportOptions) -> OutputPlan:
     """Plan the files of `export`: assets and caches only. Arguments and errors as above."""
     for path in outs:
         _check_suffix(path)
@@ -116,6 +120,7 @@ def plan_export(outs: Sequence[Path], cache: str) -> OutputPlan:
         assets=tuple(outs),
         ply_folder=_sibling(stem, _CACHE_ENDING) if cache in ("ply", "both") else None,
         usd_cache=_sibling(stem, f"{_CACHE_ENDING}.usdc") if cache in ("usd", "both") else None,
+        companions=tuple(other for path in outs for other in companions(path, choices)),
     )
     _check_distinct(plan)
     return plan

@@ -1,9 +1,12 @@
 """What would run and what would be written, in words: for `inspect` and `--dry-run`."""
 
+import math
 from collections.abc import Iterable
 from pathlib import Path
 
+from animator.commands.export_choices import export_options
 from animator.commands.outputs import OutputPlan
+from animator.commands.profile_text import describe_changes
 from animator.commands.size_estimate import ClipCounts, describe_bytes, estimate_sizes
 from animator.config import AnimateOptions, default_of, option_infos
 from animator.scene import Scene
@@ -11,6 +14,7 @@ from animator.scene import Scene
 
 def describe_plan(scene: Scene, options: AnimateOptions, plan: OutputPlan) -> str:
     """Describe a run that has not begun."""
+    choices = export_options(options)
     counts = clip_counts(scene, options)
     seconds = counts.keys / scene.frames.fps
     steps = [
@@ -20,10 +24,13 @@ def describe_plan(scene: Scene, options: AnimateOptions, plan: OutputPlan) -> st
     ]
     if options.inbetween:
         steps.insert(1, f"add {options.inbetween} smooth frames between two solved ones")
+    if options.profile != default_of("profile"):
+        chosen = ", ".join(describe_changes(choices))
+        steps.append(f"write for {options.profile}: {chosen}")
     changed = _changed_options(options)
     if changed:
         steps.append(f"other than by default: {', '.join(changed)}")
-    sizes = estimate_sizes(plan, counts)
+    sizes = estimate_sizes(plan, counts, choices)
     lines = [
         "Found:",
         *_indented(scene.notes),
@@ -38,12 +45,14 @@ def describe_plan(scene: Scene, options: AnimateOptions, plan: OutputPlan) -> st
 
 def clip_counts(scene: Scene, options: AnimateOptions) -> ClipCounts:
     """Count what will be in the clip."""
-    between = max(len(scene.frames) - 1, 0) * options.inbetween
+    keys = len(scene.frames) + max(len(scene.frames) - 1, 0) * options.inbetween
+    rate = (export_options(options).fps or scene.frames.fps) / scene.frames.fps
     return ClipCounts(
         gaussians=len(scene.gaussians),
         sh_coeffs=scene.gaussians.sh_coeffs.shape[1],
         joints=options.anchors + 1,
-        keys=len(scene.frames) + between,
+        keys=keys,
+        cached=math.ceil((keys - 1) * rate) + 1,
     )
 
 
@@ -51,7 +60,7 @@ def _changed_options(options: AnimateOptions) -> list[str]:
     """List the options that are neither default nor told elsewhere in the plan."""
     told = {
         *("out", "dry_run", "verbose", "quiet", "overwrite"),
-        *("anchors", "matcher", "device", "seed", "inbetween"),
+        *("profile", "anchors", "matcher", "device", "seed", "inbetween"),
     }
     return [
         f"{name.replace('_', '-')} = {_words(getattr(options, name))}"

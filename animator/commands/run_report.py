@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from animator.commands.export_choices import CHOICES, export_options
 from animator.commands.outputs import OutputPlan
 from animator.commands.version import package_versions
 from animator.config import AnimateOptions
@@ -90,11 +91,11 @@ def run_record(run: FinishedRun) -> RunRecord:
 
 
 def settings_of(options: AnimateOptions) -> dict[str, Any]:
-    """Return every option as a TOML file would hold it."""
-    return {
-        field.name.replace("_", "-"): _plain(getattr(options, field.name))
-        for field in dataclasses.fields(options)
-    }
+    """Return every option as a TOML file would hold it, what the profile chose included."""
+    values = {field.name: getattr(options, field.name) for field in dataclasses.fields(options)}
+    choices = export_options(options)
+    values |= {name: getattr(choices, name) for name in CHOICES}
+    return {name.replace("_", "-"): _plain(value) for name, value in values.items()}
 
 
 def _plain(value: Any) -> Any:

@@ -62,6 +62,13 @@ def positive(metavar: str) -> ValueKind:
     return ValueKind(expected="a number above 0", metavar=metavar, from_text=float, check=_positive)
 
 
+def not_negative(metavar: str) -> ValueKind:
+    """Take finite numbers from zero up."""
+    return ValueKind(
+        expected="a number, 0 or more", metavar=metavar, from_text=float, check=_not_negative
+    )
+
+
 def share() -> ValueKind:
     """Take numbers from 0 to 1."""
     return ValueKind(expected="a number from 0 to 1", metavar="X", from_text=float, check=_share)
@@ -135,6 +142,13 @@ def _number(value: Any) -> float:
 def _positive(value: Any) -> float:
     number = _number(value)
     if number <= 0:
+        raise ValueError
+    return number
+
+
+def _not_negative(value: Any) -> float:
+    number = _number(value)
+    if number < 0:
         raise ValueError
     return number
 

@@ -6,6 +6,7 @@ import pytest
 
 from animator.cli import main
 from exporters import save_clip
+from exporters.profiles import PROFILES
 from tests.helpers import clips
 from tests.helpers.validators import gltf_issues
 
@@ -81,6 +82,27 @@ def test_export_of_something_else_is_bad_input(tmp_path, capsys, content):
     assert not (tmp_path / "x.glb").exists()
 
 
+def test_the_profiles_are_listed(capsys):
+    assert main(["profiles"]) == 0
+    told = capsys.readouterr().out
+    assert [line.partition(":")[0] for line in told.splitlines() if line[:1].isalpha()] == [
+        *PROFILES,
+        *("ran", "read", "rule"),
+    ]
+    assert "up-axis = Z, meters-per-unit = 0.01, joint-limit = 254" in told
+
+
+def test_a_profile_reaches_the_file_and_a_flag_wins_over_it(saved_clip, tmp_path):
+    out = tmp_path / "x.usda"
+    flags = ["--profile", "unreal", "--mesh", "quads"]
+    assert main(["export", saved_clip, "--out", str(out), *flags]) == 0
+    text = out.read_text()
+    assert 'upAxis = "Z"' in text
+    assert "metersPerUnit = 0.01" in text
+    assert 'def Mesh "Carrier"' in text
+    assert 'def Mesh "Surface"' not in text
+
+
 def test_version(capsys):
     with pytest.raises(SystemExit) as caught:
         main(["--version"])
@@ -91,7 +113,6 @@ def test_version(capsys):
 def test_the_proxy_alone_passes_the_khronos_validator_without_an_error(tmp_path):
     saved = tmp_path / "clip.splatimate.npz"
     save_clip(clips.hinge(), saved)
-    assert (
-        main(["export", str(saved), "--out", str(tmp_path / "proxy.glb"), "--no-rest-splats"]) == 0
-    )
-    assert gltf_issues(tmp_path / "proxy.glb") == []
+    out = tmp_path / "proxy.glb"
+    assert main(["export", str(saved), "--out", str(out), "--splats", "none"]) == 0
+    assert gltf_issues(out) == []

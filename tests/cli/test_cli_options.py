@@ -5,8 +5,11 @@ import pytest
 
 from animator.commands.arguments import add_animate_arguments, animate_options
 from animator.commands.config_file import read_config_file
+from animator.commands.export_choices import CHOICES, export_options
 from animator.config import AnimateOptions
 from animator.errors import InputError
+from exporters.options import ExportOptions
+from exporters.profiles import PROFILES
 
 
 def parse(*argv: str) -> AnimateOptions:
@@ -55,8 +58,15 @@ def test_every_option_can_be_set_in_a_file(tmp_path):
     name = "n"
     up-axis = "Z"
     meters-per-unit = 0.01
-    rest-splats = false
     overwrite = true
+    profile = "unreal"
+    mesh = "both"
+    faces = 500
+    splats = "parts"
+    usd-splats = "payload"
+    rotate-sh = true
+    tolerance = 0.001
+    tolerance-degrees = 0
     matcher = "flow"
     roma-weights = "w.pth"
     anchors = 99
@@ -84,6 +94,27 @@ def test_every_option_can_be_set_in_a_file(tmp_path):
     assert values["frame_camera"] == Path("auto")
 
 
+def test_choices_for_the_writers_are_flag_over_file_over_profile_over_default(tmp_path):
+    assert export_options(AnimateOptions()) == ExportOptions()
+    file = write_toml(tmp_path, 'profile = "web"\nfaces = 100\nsplats = "parts"\n')
+    choices = export_options(parse("frames", "--config", file, "--splats", "rest"))
+    web = PROFILES["web"].options
+    assert choices == dataclasses.replace(web, faces=100, splats="rest")
+    assert choices.mesh == "surface"
+
+
+def test_a_flag_can_undo_a_choice_of_a_profile():
+    zero = parse("frames", "--profile", "web", "--tolerance", "0", "--mesh", "quads")
+    assert (export_options(zero).tolerance, export_options(zero).mesh) == (0.0, "quads")
+
+
+def test_the_choices_are_the_fields_that_mean_the_same_to_both():
+    """`up_axis`, `meters_per_unit` and `fps` of the command line describe the inputs."""
+    shared = {f.name for f in dataclasses.fields(AnimateOptions)}
+    shared &= {f.name for f in dataclasses.fields(ExportOptions)}
+    assert shared == {*CHOICES, "up_axis", "meters_per_unit", "fps"}
+
+
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
@@ -97,6 +128,9 @@ def test_every_option_can_be_set_in_a_file(tmp_path):
         ("anchors = 2.5", ("anchors", "whole number", "2.5")),
         ("fps = 0", ("fps", "above 0", "0")),
         ("fps = inf", ("fps", "above 0", "inf")),
+        ("faces = 3", ("faces", "4 or more", "3")),
+        ("mesh = 'box'", ("mesh", "quads, surface, both or none", "'box'")),
+        ("tolerance-degrees = -1", ("tolerance-degrees", "0 or more", "-1")),
         ("min-iou = 1.5", ("min-iou", "0 to 1", "1.5")),
         ("overwrite = 'yes'", ("overwrite", "true or false", "'yes'")),
         ("matcher = 'sift'", ("matcher", "auto, flow, xfeat or roma", "'sift'")),

@@ -3,6 +3,7 @@ import pytest
 from animator.commands.outputs import plan_animation
 from animator.commands.progress import TimeLeft, describe_time_left
 from animator.commands.size_estimate import ClipCounts, describe_bytes, estimate_sizes
+from exporters.options import ExportOptions
 from exporters.registry import export_clip
 from tests.helpers import clips
 
@@ -47,13 +48,20 @@ def test_sizes_in_words(size, text):
     assert describe_bytes(size) == text
 
 
-def test_size_estimates_hold_for_written_files(tmp_path):
+@pytest.mark.parametrize(
+    "choices",
+    [ExportOptions(), ExportOptions(splats="none", fps=48.0)],
+    ids=["default", "no splats, twice the rate"],
+)
+def test_size_estimates_hold_for_written_files(tmp_path, choices):
     clip = clips.random(gaussians=2000, joints=20, keys=12, sh_degree=1)
     frames = round(clip.tracks.times_s[-1] * clip.fps) + 1
-    plan = plan_animation([tmp_path / f"x{end}" for end in (".usdc", ".glb", ".usda")], "both")
-    counts = ClipCounts(gaussians=2000, sh_coeffs=4, joints=20, keys=frames)
-    for path, estimate in estimate_sizes(plan, counts).items():
-        export_clip(clip, path)
+    outs = [tmp_path / f"x{end}" for end in (".usdc", ".glb", ".usda")]
+    plan = plan_animation(outs, "both", choices)
+    cached = (frames - 1) * round((choices.fps or clip.fps) / clip.fps) + 1
+    counts = ClipCounts(gaussians=2000, sh_coeffs=4, joints=20, keys=frames, cached=cached)
+    for path, estimate in estimate_sizes(plan, counts, choices).items():
+        export_clip(clip, path, choices)
         files = path.iterdir() if path.is_dir() else [path]
         size = sum(file.stat().st_size for file in files)
         if path in plan.assets:
