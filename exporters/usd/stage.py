@@ -1,23 +1,19 @@
 """Opening a USD stage for a clip, and getting it to disk whole."""
 
 import contextlib
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from pxr import Kind, Sdf, Tf, Usd, UsdGeom, UsdUtils, Vt
+from pxr import Kind, Tf, Usd, UsdGeom, Vt
 
 from exporters import keyframes
 from exporters.atomic import replacing
 from exporters.clip import Clip
 from exporters.errors import WriteError
 from exporters.usd.names import identifier
+from exporters.usd.package import pack
 
 SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
-
-_FIXED_MTIME_S = (
-    315_619_200  # 1980-01-02: a usdz stores its layer's time; a fixed one, for same bytes
-)
 
 
 @contextlib.contextmanager
@@ -44,7 +40,7 @@ def writing_stage(clip: Clip, path: str | Path) -> Iterator[Usd.Stage]:
             yield stage
             stage.Save()
             if is_package:
-                _package(layer_path, staged)
+                pack(layer_path, staged)
         except Tf.ErrorException as error:
             raise WriteError(f"{target}: USD could not write it ({error})") from error
 
@@ -70,10 +66,3 @@ def _set_metadata(stage: Usd.Stage, clip: Clip) -> None:
     stage.SetTimeCodesPerSecond(float(clip.fps))
     stage.SetStartTimeCode(0.0)
     stage.SetEndTimeCode(float(keyframes.key_codes(clip)[-1]))
-
-
-def _package(layer_path: Path, package_path: Path) -> None:
-    """Pack one saved layer into a usdz."""
-    os.utime(layer_path, (_FIXED_MTIME_S, _FIXED_MTIME_S))
-    if not UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(layer_path)), str(package_path)):
-        raise WriteError(f"{package_path.name}: USD could not pack {layer_path.name}")
