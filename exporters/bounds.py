@@ -39,11 +39,14 @@ def ellipsoid_extent(posed: Posed, scales: np.ndarray) -> np.ndarray:
     Returns:
         Rows min and max [scene unit], float32, shape (2, 3).
     """
-    inner = EXTENT_SIGMAS * scales.min(axis=1, keepdims=True)
-    outer = EXTENT_SIGMAS * scales.max(axis=1, keepdims=True) * (1 + ROUNDING_MARGIN)
-    reaches_low = posed.positions - outer <= (posed.positions - inner).min(axis=0)
-    reaches_high = posed.positions + outer >= (posed.positions + inner).max(axis=0)
-    candidates = (reaches_low | reaches_high).any(axis=1)
+    columns = scales.T
+    inner = EXTENT_SIGMAS * np.minimum(np.minimum(columns[0], columns[1]), columns[2])
+    outer = EXTENT_SIGMAS * np.maximum(np.maximum(columns[0], columns[1]), columns[2])
+    outer *= 1 + ROUNDING_MARGIN
+    candidates = np.zeros(len(scales), dtype=bool)
+    for coordinates in posed.positions.T:  # by column: numpy is slow on short rows
+        candidates |= coordinates - outer <= (coordinates - inner).min()
+        candidates |= coordinates + outer >= (coordinates + inner).max()
     positions = posed.positions[candidates]
     half_widths = ellipsoid_half_widths(posed.quats_wxyz[candidates], scales[candidates])
     return point_extent(np.concatenate([positions - half_widths, positions + half_widths]))
@@ -52,6 +55,11 @@ def ellipsoid_extent(posed: Posed, scales: np.ndarray) -> np.ndarray:
 def point_extent(points: np.ndarray) -> np.ndarray:
     """Return the box around points, rows min and max, shape (2, 3)."""
     return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
+def diagonal(clip: Clip) -> float:
+    """Return the diagonal of the box around the centers at rest [scene unit]."""
+    return float(np.linalg.norm(np.ptp(clip.splats.positions, axis=0)))
 
 
 def swept_extent(clip: Clip, meshes: Sequence[SkinnedMesh] = ()) -> np.ndarray:

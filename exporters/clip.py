@@ -1,11 +1,15 @@
 """The animated asset in memory: what every exporter writes and every test compares against."""
 
 import dataclasses
-from typing import Literal
+import functools
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from exporters.errors import ClipError
+
+if TYPE_CHECKING:
+    from exporters.posing import Poser
 
 
 def _freeze(instance: object, **dtypes: type) -> None:
@@ -206,10 +210,14 @@ class Clip:
         Args:
             time_s: Time [s] on the clock of `tracks.times_s`.
         """
-        from exporters import posing
+        return self._poser.pose(self.joint_matrices_at(time_s))
 
-        skin_matrices = self.joint_matrices_at(time_s) @ np.linalg.inv(self.bind_matrices())
-        return posing.skin_splats(self.splats, self.skin, skin_matrices)
+    @functools.cached_property
+    def _poser(self) -> "Poser":
+        """What posing prepares once; safe to keep, since nothing here ever changes."""
+        from exporters.posing import Poser
+
+        return Poser(self.splats, self.skin, self.bind_matrices())
 
     def extent_at(self, time_s: float) -> np.ndarray:
         """Return the box around the 3-sigma ellipsoids [scene unit], min and max, shape (2, 3)."""

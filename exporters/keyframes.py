@@ -31,8 +31,9 @@ def interpolate(tracks: Tracks, time_s: float) -> tuple[np.ndarray, np.ndarray]:
 
 def align_signs(quats_wxyz: np.ndarray, reference_wxyz: np.ndarray) -> np.ndarray:
     """Return the same rotations, each with the sign nearest to its reference. Shape (..., 4)."""
-    cosines = np.einsum("...i,...i->...", quats_wxyz, reference_wxyz)[..., None]
-    return np.where(cosines < 0, -quats_wxyz, quats_wxyz)
+    cosines = np.einsum("...i,...i->...", quats_wxyz, reference_wxyz)
+    opposite = cosines < 0
+    return np.where(opposite[..., None], -quats_wxyz, quats_wxyz) if opposite.any() else quats_wxyz
 
 
 def continue_signs(quats_wxyz: np.ndarray) -> np.ndarray:

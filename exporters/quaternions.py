@@ -21,6 +21,8 @@ def multiply(left_wxyz: np.ndarray, right_wxyz: np.ndarray) -> np.ndarray:
 def normalize(quats_wxyz: np.ndarray) -> np.ndarray:
     """Return unit quaternions; a zero quaternion becomes the identity. Shape (..., 4)."""
     norms = np.sqrt(np.einsum("...i,...i->...", quats_wxyz, quats_wxyz))[..., None]
+    if norms.min(initial=1.0) > 1e-12:
+        return quats_wxyz / norms
     identity = np.array([1.0, 0.0, 0.0, 0.0], dtype=quats_wxyz.dtype)
     return np.where(norms > 1e-12, quats_wxyz / np.maximum(norms, 1e-12), identity)
 
@@ -36,8 +38,10 @@ def to_matrices(quats_wxyz: np.ndarray) -> np.ndarray:
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def slerp(start_wxyz: np.ndarray, end_wxyz: np.ndarray, share: float) -> np.ndarray:
+def slerp(start_wxyz: np.ndarray, end_wxyz: np.ndarray, share: float | np.ndarray) -> np.ndarray:
     """Interpolate along the shorter arc, as UsdSkel and glTF LINEAR do. Shape (..., 4).
+
+    The share is one number, or has shape (..., 1).
 
     Reference: glTF 2.0 specification, appendix C.4.
     """
