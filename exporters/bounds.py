@@ -62,6 +62,11 @@ def diagonal(clip: Clip) -> float:
     return float(np.linalg.norm(np.ptp(clip.splats.positions, axis=0)))
 
 
+def diagonal(clip: Clip) -> float:
+    """Return the diagonal of the box around the centers at rest [scene unit]."""
+    return float(np.linalg.norm(np.ptp(clip.splats.positions, axis=0)))
+
+
 def swept_extent(clip: Clip, meshes: Sequence[SkinnedMesh] = ()) -> np.ndarray:
     """Return a box that holds the 3-sigma ellipsoids and the meshes, skinned, at all keys.
 

@@ -23,8 +23,8 @@ class ExportOptions:
     """Turn the view-dependent colors with the Gaussians, frame by frame, in the caches."""
     tolerance: float = 0.0
     """Keys may go while no Gaussian moves by more than this share of the diagonal; 0 keeps all."""
-    tolerance_degrees: float = 0.1
-    """... and no joint turns by more than this; counts only with a `tolerance` above 0."""
+    tolerance_degrees: float = 1.0
+    """... and no joint turns by more than this in world space; counts only with a `tolerance`."""
     texture: bool = False
     """Give a closed surface its colors by a texture too, in USD; for tools without vertex colors."""
     camera: bool = True

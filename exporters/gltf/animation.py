@@ -1,4 +1,4 @@
-"""Tracks as one animation: linear keys, one time accessor for all channels."""
+"""Tracks as one animation: linear keys; channels with the same key times share one accessor."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -8,7 +8,11 @@ import pygltflib
 
 from exporters.gltf import order
 from exporters.gltf.buffers import BinaryBuffer
-from exporters.keyframes import align_signs
+from exporters.keyframes import align_signs, continue_signs
+
+_KEY_BYTES = 28  # a translation and a rotation in float32
+_TIME_BYTES = 4
+_ACCESSOR_BYTES = 170  # the JSON of one more accessor
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -25,6 +29,8 @@ class NodeTracks:
     """What the nodes' own translations say [m], shape (M, 3)."""
     rest_quats_wxyz: np.ndarray
     """What the nodes' own rotations say, unit, shape (M, 4)."""
+    kept: np.ndarray | None = None
+    """Which keys each node keeps, first and last always, bool, shape (T, M); None for all."""
 
 
 def add_animation(
@@ -48,13 +54,19 @@ def add_animation(
     moving = [channels for track in tracks for channels in _moving_channels(track)]
     if not moving:
         return
+    masks = {mask.tobytes(): mask for channels in moving for mask in channels.masks}
+    times = times_s.astype(np.float32)
+    time_accessors = buffer.add_tracks([times[mask] for mask in masks.values()], bounds=True)
+    accessor_of_mask = dict(zip(masks, time_accessors, strict=True))
+
     animation = pygltflib.Animation(name="clip", extras=extras)
-    times_accessor = buffer.add_values(times_s.astype(np.float32), bounds=True)
     for channels in moving:
         accessors = buffer.add_tracks(channels.values)
-        for node, accessor in zip(channels.nodes, accessors, strict=True):
+        for node, mask, accessor in zip(channels.nodes, channels.masks, accessors, strict=True):
             sampler = pygltflib.AnimationSampler(
-                input=times_accessor, output=accessor, interpolation=pygltflib.ANIM_LINEAR
+                input=accessor_of_mask[mask.tobytes()],
+                output=accessor,
+                interpolation=pygltflib.ANIM_LINEAR,
             )
             channel = pygltflib.AnimationChannel(
                 sampler=len(animation.samplers),
@@ -71,8 +83,10 @@ class _Channels:
 
     path: str
     nodes: list[int]
-    values: np.ndarray
-    """Keys as the file stores them, float32, shape (nodes, T, 3) or (nodes, T, 4)."""
+    masks: list[np.ndarray]
+    """Which keys each node has, bool, shape (T,)."""
+    values: list[np.ndarray]
+    """These keys as the file stores them, float32, shape (keys, 3) or (keys, 4)."""
 
 
 def _moving_channels(track: NodeTracks) -> Iterator[_Channels]:
@@ -82,11 +96,40 @@ def _moving_channels(track: NodeTracks) -> Iterator[_Channels]:
     rest_wxyz = np.broadcast_to(track.rest_quats_wxyz, track.quats_wxyz.shape)
     near_rest_wxyz = align_signs(track.quats_wxyz, rest_wxyz)
     rotated = order.xyzw(near_rest_wxyz) != order.xyzw(rest_wxyz)
+    kept = _worthwhile(track.kept) if track.kept is not None else None
     for path, differs, values in (
         ("translation", shifted, translations),
         ("rotation", rotated, order.xyzw(track.quats_wxyz)),
     ):
         movers = np.flatnonzero(differs.any(axis=(0, 2)))
-        if len(movers):
-            nodes = [track.nodes[mover] for mover in movers]
-            yield _Channels(path=path, nodes=nodes, values=values[:, movers].swapaxes(0, 1))
+        if not len(movers):
+            continue
+        every = values[:, movers].swapaxes(0, 1)
+        if kept is None:
+            masks = [np.ones(len(values), dtype=bool)] * len(movers)
+            thinned = list(every)
+        else:
+            masks = [_without_constants(kept[:, m], v) for m, v in zip(movers, every, strict=True)]
+            thinned = [v[mask] for v, mask in zip(every, masks, strict=True)]
+            if path == "rotation":
+                thinned = [continue_signs(v) for v in thinned]
+        nodes = [track.nodes[mover] for mover in movers]
+        yield _Channels(path=path, nodes=nodes, masks=masks, values=thinned)
+
+
+def _worthwhile(kept: np.ndarray) -> np.ndarray:
+    """Return all keys for nodes whose own key times would take more room than they save."""
+    masks, group_ids, sizes = np.unique(kept, axis=1, return_inverse=True, return_counts=True)
+    key_counts = np.count_nonzero(masks, axis=0)
+    saved_bytes = sizes * (len(kept) - key_counts) * _KEY_BYTES
+    costs = saved_bytes <= key_counts * _TIME_BYTES + _ACCESSOR_BYTES
+    return kept | costs[group_ids.reshape(-1)]
+
+
+def _without_constants(mask: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Keep only the first and the last key of a channel that never changes."""
+    if (values != values[0]).any():
+        return mask
+    ends = np.zeros_like(mask)
+    ends[[0, -1]] = True
+    return ends

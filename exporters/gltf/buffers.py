@@ -1,5 +1,7 @@
 """Arrays as accessors: one binary blob, every piece on a four-byte boundary."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pygltflib
 
@@ -52,24 +54,26 @@ class BinaryBuffer:
         return self._add_accessor(indices, view)
 
     def add_values(self, values: np.ndarray, *, bounds: bool = False) -> int:
-        """Add key times, key values or matrices; return the accessor's index.
+        """Add matrices, or anything else that is no vertex attribute; return the accessor's index.
 
         Args:
             values: One row an element, shape (M,), (M, 3), (M, 4) or (M, 16).
-            bounds: Whether to store the minimum and maximum, as key times require.
+            bounds: Whether to store the minimum and maximum.
         """
         return self._add_accessor(values, self._add_view(values, None), bounds=bounds)
 
-    def add_tracks(self, tracks: np.ndarray) -> list[int]:
-        """Add the key values of many channels as one view; return an accessor index for each.
+    def add_tracks(self, tracks: Sequence[np.ndarray], *, bounds: bool = False) -> list[int]:
+        """Add the key times or values of many channels as one view; return an accessor for each.
 
         Args:
-            tracks: Float32 key values, shape (C, T, 3) or (C, T, 4).
+            tracks: Float32 keys of each channel, shape (T,), (T, 3) or (T, 4), any T.
+            bounds: Whether to store the minimum and maximum of each, as key times require.
         """
-        view = self._add_view(tracks, None)
+        view = self._add_view(np.concatenate(tracks), None)
+        offsets_bytes = np.cumsum([0, *(track.nbytes for track in tracks)]).tolist()
         return [
-            self._add_accessor(track, view, offset_bytes=index * track.nbytes)
-            for index, track in enumerate(tracks)
+            self._add_accessor(track, view, offset_bytes=offset_bytes, bounds=bounds)
+            for track, offset_bytes in zip(tracks, offsets_bytes, strict=False)
         ]
 
     def finish(self) -> bytes:

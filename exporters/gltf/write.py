@@ -18,6 +18,7 @@ from exporters.gltf.skinned_mesh import add_skinned_mesh
 from exporters.gltf.splats import REST_SPLATS_NAME, add_splat_mesh
 from exporters.joint_limit import within_limit
 from exporters.meshes import meshes_of
+from exporters.key_reduction import find_kept_keys
 from exporters.options import ExportOptions
 
 GENERATOR = "Splatimate"
@@ -88,7 +89,7 @@ def build_document(clip: Clip, options: ExportOptions) -> tuple[pygltflib.GLTF2,
     buffer = BinaryBuffer(document)
 
     joint_nodes = add_joints(document, clip.rig)
-    tracks = [_joint_tracks(clip, joint_nodes)]
+    tracks = [_joint_tracks(clip, joint_nodes, options)]
     children = [joint_nodes[0]]
     if clip.camera is not None:
         tracks.append(add_camera(document, clip, clip.camera))
@@ -133,11 +134,12 @@ def _add_node(document: pygltflib.GLTF2, node: pygltflib.Node) -> int:
     return len(document.nodes) - 1
 
 
-def _joint_tracks(clip: Clip, joint_nodes: list[int]) -> NodeTracks:
+def _joint_tracks(clip: Clip, joint_nodes: list[int], options: ExportOptions) -> NodeTracks:
     return NodeTracks(
         nodes=joint_nodes,
         translations=clip.tracks.translations,
         quats_wxyz=clip.tracks.quats_wxyz,
         rest_translations=clip.rig.rest_translations,
         rest_quats_wxyz=clip.rig.rest_quats_wxyz,
+        kept=find_kept_keys(clip, options, shared=False) if options.tolerance else None,
     )

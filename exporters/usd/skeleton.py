@@ -7,6 +7,8 @@ from pxr import Usd, UsdSkel
 
 from exporters import keyframes, posing
 from exporters.clip import Clip
+from exporters.key_reduction import find_kept_keys, with_keys
+from exporters.options import ExportOptions
 from exporters.usd import names, values
 
 PORTABLE_JOINT_COUNT = 254
@@ -15,11 +17,14 @@ PORTABLE_JOINT_COUNT = 254
 _log = logging.getLogger(__name__)
 
 
-def define_skeleton(stage: Usd.Stage, clip: Clip, path: str) -> UsdSkel.Skeleton:
+def define_skeleton(
+    stage: Usd.Stage, clip: Clip, path: str, options: ExportOptions
+) -> UsdSkel.Skeleton:
     """Define a Skeleton at `path` and the SkelAnimation that drives it below.
 
     `restTransforms` are joint-local, `bindTransforms` in world space. `scales` are authored though
-    all are one: without them Blender drops the animation without a word.
+    all are one: without them Blender drops the animation without a word. A time sample holds all
+    joints, so with a tolerance only keys that no joint needs are left out.
 
     Returns:
         The skeleton, bound to its animation.
@@ -45,9 +50,11 @@ def define_skeleton(stage: Usd.Stage, clip: Clip, path: str) -> UsdSkel.Skeleton
     animation.CreateScalesAttr(values.half_vectors(np.ones((len(rig), 3))))
     translations = animation.CreateTranslationsAttr()
     rotations = animation.CreateRotationsAttr()
-    for key, code in enumerate(keyframes.key_codes(clip)):
-        translations.Set(values.vectors(clip.tracks.translations[key]), float(code))
-        rotations.Set(values.quats(clip.tracks.quats_wxyz[key]), float(code))
+    kept = find_kept_keys(clip, options, shared=True)[:, 0]
+    tracks = with_keys(clip.tracks, kept)
+    for key, code in enumerate(keyframes.key_codes(clip)[kept]):
+        translations.Set(values.vectors(tracks.translations[key]), float(code))
+        rotations.Set(values.quats(tracks.quats_wxyz[key]), float(code))
 
     binding = UsdSkel.BindingAPI.Apply(skeleton.GetPrim())
     binding.CreateAnimationSourceRel().SetTargets([animation.GetPath()])

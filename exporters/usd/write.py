@@ -54,7 +54,7 @@ def write_usd_rig(
         root_path = str(root.GetPath())
         swept_extent = bounds.swept_extent(clip, meshes)
         UsdSkel.Root(root).CreateExtentAttr(values.vectors(swept_extent))
-        skeleton = define_skeleton(stage, clip, f"{root_path}/Skel")
+        skeleton = define_skeleton(stage, clip, f"{root_path}/Skel", options)
         for mesh in meshes:
             define_skinned_mesh(stage, mesh, f"{root_path}/{mesh.name.capitalize()}", skeleton)
         define_camera(stage, clip, f"{root_path}/Camera", swept_extent)
