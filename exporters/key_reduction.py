@@ -164,7 +164,7 @@ def _reaches(clip: Clip) -> np.ndarray:
         affine = joint_from_world[joint_ids, :3]
         local = np.einsum("nij,nj->ni", affine[:, :, :3], clip.splats.positions) + affine[:, :, 3]
         distances = np.where(weights > 0, np.linalg.norm(local, axis=1), 0.0)
-        np.maximum.at(reaches, joint_ids, distances)
+        np.maximum.at(reaches, joint_ids.astype(np.intp), distances)
     offsets = np.linalg.norm(clip.tracks.translations, axis=-1).max(axis=0)
     for joint in range(len(rig) - 1, 0, -1):
         parent = rig.parents[joint]
