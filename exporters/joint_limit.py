@@ -50,19 +50,22 @@ def _measured_times(tracks: Tracks) -> np.ndarray:
 
 
 def _merged(clip: Clip, times_s: np.ndarray, wanted: int) -> Clip:
-    """Merge up to so many of the present leaves of the tree."""
-    parents = clip.rig.parents
-    leaves = np.setdiff1d(np.arange(1, len(clip.rig)), parents)
+    """Merge up to so many of the present leaves of the tree, the cheapest one first each time."""
+    leaves = np.setdiff1d(np.arange(1, len(clip.rig)), clip.rig.parents)
     distances = _distances(clip, leaves, times_s)
-    weights = _total_weights(clip.skin, len(clip.rig))[leaves]
-    nearest = np.where(weights > 0, np.min(distances, axis=1, initial=np.inf), 0.0)
-    order = np.argsort(weights * nearest, kind="stable")[:wanted]
-    removed = leaves[order]
+    weights = _total_weights(clip.skin, len(clip.rig))
     targets = np.arange(len(clip.rig))
-    distances = distances[order]
-    distances[:, removed] = np.inf
-    targets[removed] = np.argmin(distances, axis=1)
-    return _without(clip, removed, targets)
+    is_left = np.ones(len(leaves), bool)
+    for _ in range(min(wanted, len(leaves))):
+        costs = np.where(is_left, distances.min(axis=1), np.inf)
+        costs[is_left] *= weights[leaves[is_left]]
+        row = int(np.argmin(costs))
+        leaf, target = leaves[row], np.argmin(distances[row])
+        weights[target] += weights[leaf]
+        targets[targets == leaf] = target
+        distances[:, leaf] = np.inf
+        is_left[row] = False
+    return _without(clip, leaves[~is_left], targets)
 
 
 def _distances(clip: Clip, leaves: np.ndarray, times_s: np.ndarray) -> np.ndarray:
