@@ -18,25 +18,25 @@ def world_matrices(rig: Rig, translations: np.ndarray, quats_wxyz: np.ndarray) -
 
     Args:
         rig: The tree; parents come before children.
-        translations: Parent-local translations [scene unit], shape (J, 3).
-        quats_wxyz: Parent-local unit rotations, shape (J, 4).
+        translations: Parent-local translations [scene unit], shape (..., J, 3).
+        quats_wxyz: Parent-local unit rotations, shape (..., J, 4).
 
     Returns:
-        World-from-joint for column vectors, float64, shape (J, 4, 4).
+        World-from-joint for column vectors, float64, shape (..., J, 4, 4).
     """
     matrices = local_matrices(translations, quats_wxyz)
     for joint, parent in enumerate(rig.parents):
         if parent >= 0:
-            matrices[joint] = matrices[parent] @ matrices[joint]
+            matrices[..., joint, :, :] = matrices[..., parent, :, :] @ matrices[..., joint, :, :]
     return matrices
 
 
 def local_matrices(translations: np.ndarray, quats_wxyz: np.ndarray) -> np.ndarray:
-    """Return parent-from-joint for column vectors, float64, shape (J, 4, 4)."""
-    matrices = np.zeros((len(translations), 4, 4))
-    matrices[:, :3, :3] = quaternions.to_matrices(quats_wxyz)
-    matrices[:, :3, 3] = translations
-    matrices[:, 3, 3] = 1.0
+    """Return parent-from-joint for column vectors, float64, shape (..., J, 4, 4)."""
+    matrices = np.zeros((*translations.shape[:-1], 4, 4))
+    matrices[..., :3, :3] = quaternions.to_matrices(quats_wxyz)
+    matrices[..., :3, 3] = translations
+    matrices[..., 3, 3] = 1.0
     return matrices
 
 
