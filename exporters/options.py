@@ -25,6 +25,8 @@ class ExportOptions:
     """Keys may go while no Gaussian moves by more than this share of the diagonal; 0 keeps all."""
     tolerance_degrees: float = 1.0
     """... and no joint turns by more than this in world space; counts only with a `tolerance`."""
+    precision: Literal["float", "half"] = "float"
+    """Numbers of turns and spherical harmonics in a USD cache; half turns by 0.05 degrees at most."""
     texture: bool = False
     """Give a closed surface its colors by a texture too, in USD; for tools without vertex colors."""
     camera: bool = True
