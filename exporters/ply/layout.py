@@ -8,12 +8,14 @@ import logging
 
 import numpy as np
 
-from exporters.clip import Clip, Posed
+from exporters.baking import BakedFrame
+from exporters.clip import Clip
 
 OPACITY_MARGIN = 1e-6
 """Opacities are kept this far from 0 and 1, where the logit is infinite."""
 
 _CENTERS = slice(0, 3)
+_FIRST_REST = 9  # after centers, normals and the base color
 _ROTATIONS = slice(-4, None)
 
 _log = logging.getLogger(__name__)
@@ -49,7 +51,6 @@ def rest_rows(clip: Clip) -> np.ndarray:
     Opacities of 0 and 1 become the nearest ones with a finite logit; the log says how many.
     """
     splats = clip.splats
-    count, sh_count = splats.sh_coeffs.shape[:2]
     opacities = np.clip(splats.opacities.astype(np.float64), OPACITY_MARGIN, 1 - OPACITY_MARGIN)
     moved = int(np.count_nonzero(np.abs(opacities - splats.opacities) > OPACITY_MARGIN / 2))
     if moved:
@@ -64,7 +65,7 @@ def rest_rows(clip: Clip) -> np.ndarray:
             splats.positions,
             np.zeros_like(splats.positions),
             splats.sh_coeffs[:, 0],
-            splats.sh_coeffs[:, 1:].transpose(0, 2, 1).reshape(count, 3 * (sh_count - 1)),
+            _rest_columns(splats.sh_coeffs),
             np.log(opacities / (1 - opacities))[:, None],
             np.log(splats.scales),
             splats.quats_wxyz,
@@ -74,7 +75,16 @@ def rest_rows(clip: Clip) -> np.ndarray:
     return np.ascontiguousarray(rows, dtype="<f4")
 
 
-def put_pose(rows: np.ndarray, posed: Posed) -> None:
-    """Overwrite centers and rotations in place, the only columns that change with the frame."""
-    rows[:, _CENTERS] = posed.positions
-    rows[:, _ROTATIONS] = posed.quats_wxyz
+def put_frame(rows: np.ndarray, frame: BakedFrame) -> None:
+    """Overwrite in place the only columns that change with the frame."""
+    rows[:, _CENTERS] = frame.posed.positions
+    rows[:, _ROTATIONS] = frame.posed.quats_wxyz
+    if frame.sh_coeffs is not None:
+        columns = _rest_columns(frame.sh_coeffs)
+        rows[:, _FIRST_REST : _FIRST_REST + columns.shape[1]] = columns
+
+
+def _rest_columns(sh_coeffs: np.ndarray) -> np.ndarray:
+    """Return the harmonics beyond the base color channel by channel, shape (N, 3 (K - 1))."""
+    count, sh_count = sh_coeffs.shape[:2]
+    return sh_coeffs[:, 1:].transpose(0, 2, 1).reshape(count, 3 * (sh_count - 1))

@@ -27,7 +27,7 @@ def write_ply_sequence(
     Args:
         clip: The clip.
         folder: The target; an older sequence in it is replaced, anything else is not.
-        options: Choices; None for the defaults.
+        options: Choices, `rotate_sh` among them; None for the defaults.
         progress: Called with the frames done and their total.
 
     Returns:
@@ -38,7 +38,8 @@ def write_ply_sequence(
         WriteError: If the folder cannot be written, or holds files that are not of a sequence.
     """
     clip.validate()
-    clip = adapt(clip, options or ExportOptions())
+    options = options or ExportOptions()
+    clip = adapt(clip, options)
     folder = Path(folder)
     _refuse_foreign_files(folder)
     splat_count, sh_count = clip.splats.sh_coeffs.shape[:2]
@@ -46,8 +47,8 @@ def write_ply_sequence(
     rows = layout.rest_rows(clip)
     names = []
     with replacing_folder(folder) as staged:
-        for frame in bake_frames(clip, progress):
-            layout.put_pose(rows, frame.posed)
+        for frame in bake_frames(clip, progress, rotate_sh=options.rotate_sh):
+            layout.put_frame(rows, frame)
             name = f"clip_{frame.code:04d}.ply"
             with (staged / name).open("wb") as stream:
                 stream.write(header)
