@@ -86,7 +86,7 @@ def rotate_each(sh_coeffs: np.ndarray, quats_wxyz: np.ndarray) -> np.ndarray:
         Coefficients, float32, shape (N, K, 3).
     """
     turned = sh_coeffs.copy()
-    degrees = [slice(l * l, (l + 1) * (l + 1)) for l in range(1, math.isqrt(sh_coeffs.shape[1]))]
+    degrees = [slice(n * n, (n + 1) * (n + 1)) for n in range(1, math.isqrt(sh_coeffs.shape[1]))]
     for first in range(0, len(sh_coeffs), BLOCK_ROWS):
         rows = slice(first, first + BLOCK_ROWS)
         start, middle, end = _zyz_turns(quats_wxyz[rows])
