@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from pxr import Sdf, Tf, Usd, UsdUtils
+from pxr import Sdf, Usd, UsdUtils
 
 from exporters.check.problem import Problem
 from exporters.check.usd import attributes, meshes, skeleton, skins, splats, stage
@@ -15,7 +15,8 @@ def check_usd(path: Path) -> Iterator[Problem]:
     silence = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         yield from _stage_problems(path)
-    except (Tf.ErrorException, RuntimeError) as error:
+    except (RuntimeError, ValueError, TypeError, LookupError) as error:
+        # Damaged values reach Python as whatever their bytes happen to mean.
         yield Problem(place="stage", expected="a file that USD can read", found=_reason(error))
     finally:
         silence.TakeUncoalescedDiagnostics()
@@ -51,5 +52,8 @@ def _stage_problems(path: Path) -> Iterator[Problem]:
 
 def _reason(error: Exception) -> str:
     """Return what USD says, without its function names and line numbers."""
-    quoted = str(error).rpartition(" : '")[2] or str(error)
+    try:
+        quoted = str(error).rpartition(" : '")[2] or str(error)
+    except UnicodeDecodeError:
+        return "text that is not UTF-8"
     return " ".join(quoted.split())[:200]
