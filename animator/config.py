@@ -146,6 +146,9 @@ class AnimateOptions:
         "turn view-dependent colors with the Gaussians in the caches, which grow by them a frame",
         value_kind.switch(),
     )
+    precision: Literal["float", "half"] | None = _export_option(
+        "precision", "numbers of rotations and view-dependent colors in USD caches"
+    )
     tolerance: float | None = _export_option(
         "tolerance",
         "leave out keys while no Gaussian moves by more than this share of the diagonal",

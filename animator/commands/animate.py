@@ -45,7 +45,8 @@ def run_animate(
         console: The terminal, for a progress bar.
 
     Returns:
-        `DONE`, or `BELOW_QUALITY_GATE`: everything is written in both cases.
+        `DONE`, `BELOW_QUALITY_GATE`, or `NOT_WRITTEN` if a file breaks a rule of its format:
+        everything is written in all three cases.
 
     Raises:
         InputError: If an input cannot be used; nothing is written.
@@ -67,7 +68,7 @@ def run_animate(
     try:
         fitted = _fit(scene, options, plan, progress_file, console)
         watch.lap("fit")
-        write_clip_files(fitted.clip, plan, options)
+        broken = write_clip_files(fitted.clip, plan, options)
         watch.lap("write")
         measurements = _measure(fitted, scene)
         watch.lap("measure")
@@ -84,7 +85,8 @@ def run_animate(
     )
     summary = write_report(run)
     progress_file.remove()
-    return _verdict(summary, plan)
+    verdict = _verdict(summary, plan)
+    return ExitCode.NOT_WRITTEN if broken else verdict
 
 
 def load_scene(source: Path, options: AnimateOptions) -> Scene:

@@ -15,5 +15,6 @@ class ExitCode(enum.IntEnum):
     BELOW_QUALITY_GATE = 4
     """Everything is written, but the render does not cover the frames well enough."""
     NOT_WRITTEN = 5
+    """An output could not be written, or a file breaks a rule of its format."""
     INTERRUPTED = 130
     """128 + SIGINT, as shells expect."""

@@ -20,6 +20,9 @@ def run_export(clip_path: Path, plan: OutputPlan, options: AnimateOptions) -> Ex
         plan: Where to; checked.
         options: What goes into the files.
 
+    Returns:
+        `DONE`, or `NOT_WRITTEN` if a file breaks a rule of its format.
+
     Raises:
         ClipError: If the clip cannot be read.
         WriteError: If a file cannot be written.
@@ -34,5 +37,5 @@ def run_export(clip_path: Path, plan: OutputPlan, options: AnimateOptions) -> Ex
         clip.fps,
     )
     plan.make_folders()
-    write_clip_files(clip, plan, options)
-    return ExitCode.DONE
+    broken = write_clip_files(clip, plan, options)
+    return ExitCode.NOT_WRITTEN if broken else ExitCode.DONE

@@ -12,6 +12,7 @@ CHOICES = (
     "splats",
     "usd_splats",
     "rotate_sh",
+    "precision",
     "tolerance",
     "tolerance_degrees",
 )

@@ -65,10 +65,12 @@ def _ply_row_bytes(counts: ClipCounts) -> int:
 
 def _usd_cache_bytes(counts: ClipCounts, choices: ExportOptions) -> int:
     """Positions and orientations a frame; scales, opacities and colors once, if they do not turn."""
-    colors = 3 * counts.sh_coeffs
-    turning = colors if choices.rotate_sh and counts.sh_coeffs > 1 else 0
-    once = 3 + 1 + (0 if turning else colors)
-    return counts.gaussians * _FLOAT * (counts.cached * (3 + 4 + turning) + once)
+    number = _FLOAT // 2 if choices.precision == "half" else _FLOAT
+    colors = 3 * counts.sh_coeffs * number
+    is_turning = choices.rotate_sh and counts.sh_coeffs > 1
+    sampled = 3 * _FLOAT + 4 * number + (colors if is_turning else 0)
+    once = (3 + 1) * _FLOAT + (0 if is_turning else colors)
+    return counts.gaussians * (counts.cached * sampled + once)
 
 
 def _clip_bytes(counts: ClipCounts) -> int:

@@ -65,6 +65,7 @@ def test_every_option_can_be_set_in_a_file(tmp_path):
     splats = "parts"
     usd-splats = "payload"
     rotate-sh = true
+    precision = "half"
     tolerance = 0.001
     tolerance-degrees = 0
     matcher = "flow"
