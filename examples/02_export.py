@@ -8,11 +8,12 @@ Usage:
 """
 
 import argparse
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 
-from exporters import Clip, Rig, Skin, Splats, Tracks, export_clip, save_clip
+from exporters import PROFILES, Clip, Rig, Skin, Splats, Tracks, export_clip, save_clip
 
 GAUSSIAN_COUNT = 12
 IDENTITY_WXYZ = (1.0, 0.0, 0.0, 0.0)
@@ -60,6 +61,9 @@ def main(out_folder: Path) -> tuple[Path, ...]:
     written = save_clip(clip, out_folder / "door.splatimate.npz")
     for name in ("door.usda", "door.glb", "door_gaussians.usdc", "door_gaussians"):
         written += export_clip(clip, out_folder / name)
+    # For one tool: its profile, and what you want otherwise.
+    for_unreal = dataclasses.replace(PROFILES["unreal"].options, mesh="quads")
+    written += export_clip(clip, out_folder / "door_unreal.usdc", for_unreal)
     print(f"{len(written)} files, the first: {written[0]}")
     return written
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from exporters.clip_io import load_clip
 from exporters.errors import ClipError, WriteError
+from exporters.profiles import PROFILES
 from exporters.registry import EXPORTERS, export_clip
 
 EXIT_BAD_INPUT = 3
@@ -27,13 +28,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         nargs="+",
         help=f"files to write; the end of the name chooses the format: {', '.join(EXPORTERS)}",
     )
-    options = parser.parse_args(arguments)
+    parser.add_argument(
+        "--profile",
+        choices=PROFILES,
+        default="generic",
+        help="the choices that the tool you write for likes best (default: %(default)s)",
+    )
+    given = parser.parse_args(arguments)
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     log = logging.getLogger(__name__)
     try:
-        clip = load_clip(options.clip)
-        for output in options.outputs:
-            first, *others = export_clip(clip, output)
+        clip = load_clip(given.clip)
+        for output in given.outputs:
+            first, *others = export_clip(clip, output, PROFILES[given.profile].options)
             log.info("wrote %s%s", first, f" and {len(others)} more" if others else "")
     except ClipError as error:
         log.error("%s", error)

@@ -43,6 +43,7 @@ def test_the_door_swings_in_every_format(tmp_path):
     for centers in (
         usd_centers(tmp_path / "door.usda", 1.0),
         gltf_centers(tmp_path / "door.glb", 1.0),
+        usd_centers(tmp_path / "door_unreal.usdc", 1.0),
     ):
         np.testing.assert_allclose(centers, expected, atol=1e-6)
 

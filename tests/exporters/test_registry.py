@@ -82,6 +82,9 @@ def test_command_line_exit_codes(tmp_path, capsys):
     clip_path = tmp_path / "c.splatimate.npz"
     save_clip(clips.static(), clip_path)
     assert main([str(clip_path), str(tmp_path / "c.usda")]) == 0
+    usd_path = tmp_path / "d.usda"
+    assert main([str(clip_path), str(usd_path), "--profile", "blender"]) == 0
+    assert 'upAxis = "Z"' in usd_path.read_text()
     assert main([str(tmp_path / "missing.npz"), str(tmp_path / "c.usda")]) == 3
     assert main([str(clip_path), str(tmp_path / "c.fbx")]) == 5
     with pytest.raises(SystemExit, match="2"):
