@@ -1,4 +1,4 @@
-"""The command line: `animate` and `splatimate animate|export|inspect|profiles`.
+"""The command line: `animate` and `splatimate animate|export|check|inspect|profiles`.
 
 Only flags are read here; the packages a command needs are imported when it runs, so that `--help`
 is quick and `export` works without torch.
@@ -37,8 +37,8 @@ example:
       beside them; writes walk.usd, walk.glb, walk_gaussians/ (a PLY a frame),
       walk_gaussians.usdc, walk.splatimate.npz and walk_report.html
 
-exit codes: 0 done, 2 usage, 3 bad input, 4 done but below the quality gate, 5 could not write,
-130 interrupted
+exit codes: 0 done, 2 usage, 3 bad input, 4 done but below the quality gate, 5 could not write or
+a file breaks a rule of its format, 130 interrupted
 """
 _EXPORT_DESCRIPTION = "Write a saved clip in other formats, without fitting."
 _EXPORT_CACHE = "none"
@@ -46,6 +46,10 @@ _EXPORT_CACHE = "none"
 _INSPECT_DESCRIPTION = (
     "Say what was found, what is missing, what would run, and how large the output gets."
 )
+_CHECK_DESCRIPTION = "Find what is wrong with files: USD, glTF, PLY or a saved clip."
+_CHECK_EPILOG = """\
+exit codes: 0 nothing found, 3 no such file or no known kind, 5 problems found
+"""
 _PROFILES_DESCRIPTION = "List the profiles: the choices of each, why, and how that is known."
 _DEFAULT_OUT = Path("clip.usd")
 """What `inspect` plans for without `--out`."""
@@ -77,6 +81,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     inspect = _add_command(commands, "inspect", _inspect, _INSPECT_DESCRIPTION)
     add_animate_arguments(inspect)
+
+    check = _add_command(commands, "check", _check, _CHECK_DESCRIPTION, _CHECK_EPILOG)
+    check.add_argument(
+        "files", metavar="FILE", type=Path, nargs="+", help="a file, or a folder of PLY files"
+    )
+    for name in ("quiet", "verbose"):
+        add_option(check, name)
 
     _add_command(commands, "profiles", _profiles, _PROFILES_DESCRIPTION)
 
@@ -111,6 +122,13 @@ def _inspect(arguments: argparse.Namespace, parser: argparse.ArgumentParser) -> 
         from animator.commands.inspect import run_inspect
 
         return run_inspect(arguments.source, options, plan)
+
+
+def _check(arguments: argparse.Namespace, parser: argparse.ArgumentParser) -> ExitCode:
+    with logging_to_stderr(_verbosity(AnimateOptions(**given_options(arguments)))):
+        from animator.commands.check import run_check
+
+        return run_check(arguments.files)
 
 
 def _profiles(arguments: argparse.Namespace, parser: argparse.ArgumentParser) -> ExitCode:
