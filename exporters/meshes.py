@@ -21,9 +21,9 @@ def meshes_of(clip: Clip, options: ExportOptions) -> tuple[SkinnedMesh, ...]:
     """
     meshes = []
     if options.mesh in ("surface", "both"):
-        from exporters.surface import surface_mesh  # scikit-image takes a while to import
+        from exporters.surface.control_mesh import control_mesh
 
-        meshes.append(surface_mesh(clip, options.faces))
+        meshes.append(control_mesh(clip, options.faces))
     if options.mesh in ("quads", "both"):
         meshes.append(carrier_quads(clip.splats, clip.skin))
     return tuple(meshes)

@@ -1,0 +1,140 @@
+"""A closed mesh around the Gaussians at rest, within a budget of triangles, on the same skin."""
+
+import numpy as np
+
+from exporters.carrier import base_colors_linear
+from exporters.clip import Clip
+from exporters.errors import ClipError
+from exporters.skinned_mesh import SkinnedMesh, normalized_influences
+from exporters.surface.closing import closed, without_crumbs
+from exporters.surface.ellipsoids import Ellipsoids, ellipsoids_of
+from exporters.surface.grid import FAINTEST, Grid
+from exporters.surface.level import matching_level
+from exporters.surface.nearby import look_at
+from exporters.surface.pieces import near_others, object_length, without_strays
+
+LEAST_FACES = 100
+"""Fewer triangles do not hold a shape."""
+
+CELLS_ALONG = 256
+"""Cells along the diagonal of the object: some ten triangles for each of the default budget."""
+
+CELLS_PER_SIGMA = 4
+"""Cells along the middle axis of a typical Gaussian that are enough, however few it leaves."""
+
+MOST_CELLS = 24_000_000
+"""Bound of the memory: a few arrays of four bytes a cell live at once."""
+
+BLUR_CELLS = 0.5
+"""Blur that makes disks and needles as thick as a cell."""
+
+CRUMB_CELLS = 4
+"""A piece of the simplified mesh that is shorter has come off a larger one."""
+
+
+def control_mesh(clip: Clip, face_count: int) -> SkinnedMesh:
+    """Return the mesh `surface`: closed, oriented outward, with colors and skin.
+
+    It is the level set of the density of the Gaussians, at the level whose silhouettes match those
+    of the drawn Gaussians best. Hollows are filled, pieces of too few Gaussians are left out.
+
+    Args:
+        clip: A valid clip; its rest pose counts.
+        face_count: Most triangles, at least `LEAST_FACES`.
+
+    Raises:
+        ClipError: If the budget is too small, or all Gaussians are too faint to be seen.
+    """
+    if face_count < LEAST_FACES:
+        raise ClipError(
+            f"faces: expected at least {LEAST_FACES} triangles for a surface, got {face_count}"
+        )
+    ellipsoids = ellipsoids_of(clip.splats)
+    seen = np.flatnonzero(ellipsoids.opacities > 2 * FAINTEST)
+    if len(seen) == 0:
+        raise ClipError(
+            f"splats.opacities: the most opaque Gaussian has {ellipsoids.opacities.max():.3g}, too "
+            "faint for a surface; are the opacities 0..1? Or write the mesh as quads"
+        )
+    seen = seen[near_others(ellipsoids.chosen(seen))]
+    ellipsoids = ellipsoids.chosen(seen)
+    positions, triangles = _surface(ellipsoids, face_count)
+    normals = _normals(positions, triangles)
+    nearby = look_at(positions, normals, ellipsoids)
+    nearby = type(nearby)(splat_ids=seen[nearby.splat_ids], shares=nearby.shares)
+    joint_ids, weights = normalized_influences(*nearby.blended_skin(clip.skin))
+    colors = nearby.blend(base_colors_linear(clip.splats))
+    return SkinnedMesh(
+        name="surface",
+        positions=positions.astype(np.float32),
+        normals=normals.astype(np.float32),
+        faces=triangles.astype(np.int32),
+        colors_linear=np.clip(colors, 0, 1).astype(np.float32),
+        opacities=np.ones(len(positions), np.float32),
+        joint_ids=joint_ids,
+        weights=weights,
+        is_closed=True,
+    )
+
+
+def _surface(ellipsoids: Ellipsoids, face_count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return vertices and triangles of the closed level set, at most `face_count` of them."""
+    from skimage.measure import marching_cubes
+
+    grid = _grid_around(ellipsoids)
+    field = grid.absorption(ellipsoids.widened(BLUR_CELLS * grid.pitch))
+    level = matching_level(field, ellipsoids, grid)
+    field = without_strays(field, level, ellipsoids, grid)
+    cells, triangles, _, _ = marching_cubes(
+        np.pad(field, 1), level, gradient_direction="ascent", allow_degenerate=False
+    )
+    positions = (cells - 1) * grid.pitch + grid.origin
+    return _simplified(positions, triangles, face_count, CRUMB_CELLS * grid.pitch)
+
+
+def _grid_around(ellipsoids: Ellipsoids) -> Grid:
+    """Return a grid that holds where the Gaussians are seen, as fine as it makes sense."""
+    variances = np.einsum("nii->ni", ellipsoids.covariances)
+    reach = np.sqrt(2 * np.log(ellipsoids.opacities / FAINTEST))[:, None] * np.sqrt(variances)
+    low = (ellipsoids.centers - reach).min(axis=0)
+    high = (ellipsoids.centers + reach).max(axis=0)
+    middle_variances = np.linalg.eigvalsh(ellipsoids.covariances)[:, 1]
+    pitch = max(
+        object_length(ellipsoids) / CELLS_ALONG,
+        float(np.sqrt(np.median(middle_variances))) / CELLS_PER_SIGMA,
+        float(np.cbrt(np.prod(high - low) / MOST_CELLS)),
+    )
+    shape = np.ceil((high - low) / pitch).astype(int) + 1
+    return Grid(origin=low, pitch=pitch, shape=tuple(shape.tolist()))
+
+
+def _simplified(
+    positions: np.ndarray, triangles: np.ndarray, face_count: int, crumb_length: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Collapse edges by quadric errors (Garland and Heckbert 1997) down to a budget; stay closed.
+
+    Closing what simplification tore takes a few triangles more, hence the rounds.
+    """
+    import fast_simplification
+
+    target = face_count
+    while True:
+        found = positions, triangles
+        if len(triangles) > target:
+            found = fast_simplification.simplify(
+                positions.astype(np.float32), triangles.astype(np.int32), target_count=target
+            )
+        found = without_crumbs(*closed(*found), crumb_length)
+        excess = len(found[1]) - face_count
+        if excess <= 0:
+            return found
+        target -= excess + face_count // 100
+
+
+def _normals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Return the unit normals of the vertices, means of their faces' by angle, shape (V, 3)."""
+    import trimesh
+
+    normals = trimesh.Trimesh(positions, triangles, process=False).vertex_normals
+    has_none = np.linalg.norm(normals, axis=1) < 0.5  # where all faces are slivers
+    return np.where(has_none[:, None], [0.0, 0.0, 1.0], normals)

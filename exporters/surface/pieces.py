@@ -1,0 +1,82 @@
+"""What belongs to the object: Gaussians and cells in pieces of some weight, not strays."""
+
+import numpy as np
+
+from exporters.surface.ellipsoids import Ellipsoids
+from exporters.surface.grid import Grid
+
+LEAST_SHARE = 0.001
+"""A piece that has less of the opacity of all Gaussians is a stray, however solid it looks."""
+
+_LEAST_GAUSSIANS = 4  # ... or fewer than that many, where a share of the whole means nothing
+_LEAST_OF_LARGEST = 0.05  # ... which in turn means nothing where all pieces are that small
+
+_CLUSTER_CELLS = 50
+"""Gaussians farther apart than this part of the object's size are not neighbors."""
+
+_SOLID_OPACITY = 0.1  # the size of the object is that of the Gaussians above, if there are any
+
+
+def object_length(ellipsoids: Ellipsoids) -> float:
+    """Return the diagonal of the box around almost all solid Gaussians, at one sigma."""
+    is_solid = ellipsoids.opacities >= min(_SOLID_OPACITY, ellipsoids.opacities.max())
+    solid = ellipsoids.chosen(is_solid)
+    half_widths = np.sqrt(np.einsum("nii->ni", solid.covariances))
+    low = np.percentile(solid.centers - half_widths, 0.5, axis=0)
+    high = np.percentile(solid.centers + half_widths, 99.5, axis=0)
+    return float(np.linalg.norm(high - low))
+
+
+def near_others(ellipsoids: Ellipsoids) -> np.ndarray:
+    """Return which Gaussians lie in a cluster that is worth a grid, bool, shape (N,).
+
+    A few strays far away would otherwise make the grid so wide that nothing is seen in it.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import KDTree
+
+    cell = object_length(ellipsoids) / _CLUSTER_CELLS
+    lattice, owners = np.unique(
+        np.floor(ellipsoids.centers / cell).astype(np.int64), axis=0, return_inverse=True
+    )
+    pairs = KDTree(lattice).query_pairs(1.8, output_type="ndarray")  # the 26 neighbors
+    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(lattice), len(lattice)))
+    _, cluster_of_cell = connected_components(links, directed=False)
+    cluster = cluster_of_cell[owners.reshape(-1)]
+    masses = np.bincount(cluster, weights=ellipsoids.opacities)
+    return _is_real(masses, ellipsoids)[cluster]
+
+
+def without_strays(
+    field: np.ndarray, level: float, ellipsoids: Ellipsoids, grid: Grid
+) -> np.ndarray:
+    """Return the field with enclosed hollows filled and stray pieces emptied.
+
+    Args:
+        field: Absorption in the cells, float32.
+        level: Where the surface lies.
+        ellipsoids: The Gaussians that made it.
+        grid: The cells.
+    """
+    from scipy import ndimage
+
+    # A ring of empty cells makes everything outside one piece.
+    outside, _ = ndimage.label(np.pad(field < level, 1, constant_values=True))
+    is_hollow = (outside != outside[0, 0, 0])[1:-1, 1:-1, 1:-1] & (field < level)
+    field = np.where(is_hollow, np.float32(2 * level), field)
+
+    piece, piece_count = ndimage.label(field >= level, structure=np.ones((3, 3, 3)))
+    holder = piece[grid.nearest(ellipsoids.centers)]
+    masses = np.bincount(holder, weights=ellipsoids.opacities, minlength=piece_count + 1)
+    is_kept = _is_real(masses, ellipsoids)
+    is_kept[0] = True  # what lies outside stays as it is, for the surface to lie between cells
+    return np.where(is_kept[piece], field, np.float32(0))
+
+
+def _is_real(masses: np.ndarray, ellipsoids: Ellipsoids) -> np.ndarray:
+    """Tell pieces of the object from strays by the opacities of their Gaussians."""
+    total = ellipsoids.opacities.sum()
+    few = _LEAST_GAUSSIANS * total / len(ellipsoids)
+    least = max(LEAST_SHARE * total, min(few, _LEAST_OF_LARGEST * masses.max()))
+    return masses >= least
