@@ -12,9 +12,11 @@ from exporters.meshes import meshes_of
 from exporters.options import ExportOptions
 from exporters.usd import values
 from exporters.usd.camera import define_camera
+from exporters.usd.material import bind_material
 from exporters.usd.skeleton import define_skeleton
 from exporters.usd.skinned_mesh import define_skinned_mesh
 from exporters.usd.stage import define_root, writing_stage
+from exporters.usd.texture import bind_texture
 
 
 def write_usd_rig(
@@ -29,6 +31,7 @@ def write_usd_rig(
       /Carrier       Mesh, one quad a Gaussian, four influences a point; or as asked for:
       /Surface       Mesh, closed, four influences a point
       /Camera        Camera, if the clip has one
+      /Materials     one a mesh, which shows its colors
     ```
 
     Time codes are `times_s * fps` from 0. Axis and unit are the clip's own, named in the stage.
@@ -39,7 +42,7 @@ def write_usd_rig(
         options: Choices; None for the defaults.
 
     Returns:
-        The one file written.
+        The file written, and a texture beside it if one was asked for.
 
     Raises:
         ClipError: If the clip is not valid.
@@ -49,6 +52,7 @@ def write_usd_rig(
     options = options or ExportOptions()
     clip = within_limit(adapt(clip, options), options.joint_limit)
     meshes = meshes_of(clip, options)
+    beside: tuple[Path, ...] = ()
     with writing_stage(clip, path) as stage:
         root = define_root(stage, clip, "SkelRoot")
         root_path = str(root.GetPath())
@@ -56,6 +60,12 @@ def write_usd_rig(
         UsdSkel.Root(root).CreateExtentAttr(values.vectors(swept_extent))
         skeleton = define_skeleton(stage, clip, f"{root_path}/Skel", options)
         for mesh in meshes:
-            define_skinned_mesh(stage, mesh, f"{root_path}/{mesh.name.capitalize()}", skeleton)
+            prim_name = mesh.name.capitalize()
+            prim = define_skinned_mesh(stage, mesh, f"{root_path}/{prim_name}", skeleton)
+            material_path = f"{root_path}/Materials/{prim_name}"
+            if options.texture and mesh.is_closed:
+                beside += bind_texture(stage, prim, mesh, material_path, Path(path))
+            else:
+                bind_material(stage, prim, mesh, material_path, options.alpha_cutoff)
         define_camera(stage, clip, f"{root_path}/Camera", swept_extent)
-    return (Path(path),)
+    return (Path(path), *beside)
