@@ -241,7 +241,7 @@ def forget_gltf_matrix_order(patch: pytest.MonkeyPatch) -> None:
 def forget_gltf_axes_and_unit(patch: pytest.MonkeyPatch) -> None:
     from exporters.gltf import write
 
-    patch.setattr(write, "to_y_up_meters", lambda clip: clip)
+    patch.setattr(write, "adapt_to_gltf", lambda clip, options: clip)
 
 
 def forget_usd_quaternion_order(patch: pytest.MonkeyPatch) -> None:
