@@ -10,8 +10,6 @@ from collections.abc import Sequence
 import numpy as np
 from pxr import Gf, Vt
 
-_XYZW_FROM_WXYZ = [1, 2, 3, 0]
-
 
 def floats(numbers: np.ndarray) -> Vt.FloatArray:
     """Return float[] from shape (M,)."""
@@ -38,10 +36,17 @@ def half_vectors(rows: np.ndarray) -> Vt.Vec3hArray:
     return Vt.Vec3hArray.FromNumpy(np.ascontiguousarray(rows, dtype=np.float16))
 
 
+def xyzw(quats_wxyz: np.ndarray, dtype: type) -> np.ndarray:
+    """Return quaternions as USD lays them out in memory, shape (M, 4)."""
+    rows = np.empty(quats_wxyz.shape, dtype)
+    rows[:, :3] = quats_wxyz[:, 1:]
+    rows[:, 3] = quats_wxyz[:, 0]
+    return rows
+
+
 def quats(quats_wxyz: np.ndarray) -> Vt.QuatfArray:
     """Return quatf[] from shape (M, 4)."""
-    xyzw = np.ascontiguousarray(quats_wxyz[:, _XYZW_FROM_WXYZ], dtype=np.float32)
-    return Vt.QuatfArray.FromNumpy(xyzw)
+    return Vt.QuatfArray.FromNumpy(xyzw(quats_wxyz, np.float32))
 
 
 def half_quats(quats_wxyz: np.ndarray) -> Vt.QuathArray:
@@ -49,8 +54,7 @@ def half_quats(quats_wxyz: np.ndarray) -> Vt.QuathArray:
 
     Rounding by 2^-11 of each number turns a unit quaternion by 2^-10 at most: 0.056 degrees.
     """
-    xyzw = np.ascontiguousarray(quats_wxyz[:, _XYZW_FROM_WXYZ], dtype=np.float16)
-    return Vt.QuathArray.FromNumpy(xyzw)
+    return Vt.QuathArray.FromNumpy(xyzw(quats_wxyz, np.float16))
 
 
 def quat(quat_wxyz: np.ndarray) -> Gf.Quatd:
