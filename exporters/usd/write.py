@@ -13,6 +13,7 @@ from exporters.options import ExportOptions
 from exporters.usd import values
 from exporters.usd.camera import define_camera
 from exporters.usd.material import bind_material
+from exporters.usd.representation import add_splats
 from exporters.usd.skeleton import define_skeleton
 from exporters.usd.skinned_mesh import define_skinned_mesh
 from exporters.usd.stage import define_root, writing_stage
@@ -31,6 +32,8 @@ def write_usd_rig(
       /Carrier       Mesh, one quad a Gaussian, four influences a point; or as asked for:
       /Surface       Mesh, closed, four influences a point
       /Camera        Camera, if the clip has one
+      /Splats        with `usd_splats`: ParticleField3DGaussianSplat, time-sampled, not selected; see
+                     `exporters.usd.representation`
       /Materials     one a mesh, which shows its colors
     ```
 
@@ -42,7 +45,7 @@ def write_usd_rig(
         options: Choices; None for the defaults.
 
     Returns:
-        The file written, and a texture beside it if one was asked for.
+        The file written, and those beside it: a texture, a payload of splats, if asked for.
 
     Raises:
         ClipError: If the clip is not valid.
@@ -50,7 +53,8 @@ def write_usd_rig(
     """
     clip.validate()
     options = options or ExportOptions()
-    clip = within_limit(adapt(clip, options), options.joint_limit)
+    exact = adapt(clip, options)
+    clip = within_limit(exact, options.joint_limit)
     meshes = meshes_of(clip, options)
     beside: tuple[Path, ...] = ()
     with writing_stage(clip, path) as stage:
@@ -68,4 +72,6 @@ def write_usd_rig(
             else:
                 bind_material(stage, prim, mesh, material_path, options.alpha_cutoff)
         define_camera(stage, clip, f"{root_path}/Camera", swept_extent)
+        mesh_names = [mesh.name.capitalize() for mesh in meshes]
+        beside += add_splats(stage, exact, mesh_names, Path(path), options)
     return (Path(path), *beside)
