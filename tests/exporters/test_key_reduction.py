@@ -381,3 +381,17 @@ def test_a_single_gaussian_keeps_its_keys() -> None:
     """There is no diagonal to measure by."""
     clip = clips.random(gaussians=1, keys=6)
     assert find_kept_keys(clip, ExportOptions(tolerance=0.1), shared=False).all()
+
+
+def test_signs_stay_continuous_where_keys_are_gone(tmp_path: Path) -> None:
+    """Unit quaternions of a full turn end at the opposite of the first one."""
+    clip = one_joint_clip(list(np.linspace(0, 2 * np.pi, 65)), [0.0] * 65)
+    options = ExportOptions(tolerance=10.0, tolerance_degrees=360.0)
+    kept = find_kept_keys(clip, options, shared=True)[:, 0]
+    assert kept.sum() == 2
+    turns = with_keys(clip.tracks, kept).quats_wxyz[:, 1]
+    np.testing.assert_allclose(turns, [[1, 0, 0, 0]] * 2, atol=1e-12)
+    write_gltf(clip, tmp_path / "clip.glb", options)
+    document = gltf_reader.read(tmp_path / "clip.glb")
+    _, turns = document.channels()[document.node("door"), "rotation"]
+    np.testing.assert_allclose(turns, [[0, 0, 0, 1]] * 2, atol=1e-6)
