@@ -7,6 +7,7 @@ import pytest
 from exporters.gltf.write import write_gltf
 from exporters.usd.write import write_usd_rig
 from tests.helpers import clips, validators
+from tests.helpers.node import NodeMissingError
 
 
 def test_gltf_validator_sees_a_wrong_bound(tmp_path: Path) -> None:
@@ -47,5 +48,5 @@ def test_a_missing_node_fails_and_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(validators.ValidatorMissingError, match=r"install Node\.js 18"):
+    with pytest.raises(NodeMissingError, match=r"install Node\.js 20"):
         validators.gltf_issues(tmp_path / "clip.glb")
