@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args, get_type_hints
 
 from animator.commands import value_kind
 from animator.commands.value_kind import ValueKind
-from exporters.options import ExportOptions
+from exporters.options import LEAST_FACES, ExportOptions
 from exporters.profiles import PROFILES
 
 INPUTS = "inputs (found beside FRAMES unless given)"
@@ -133,7 +133,7 @@ class AnimateOptions:
         "mesh", "what carries the skin: a quad a Gaussian, a closed surface, both or none"
     )
     faces: int | None = _export_option(
-        "faces", "most triangles of the surface", value_kind.whole(4)
+        "faces", "most triangles of the surface", value_kind.whole(LEAST_FACES)
     )
     splats: Literal["none", "rest", "parts"] | None = _export_option(
         "splats", "splats in glTF: none, at rest in a second scene, or a moving set a rigid part"

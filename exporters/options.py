@@ -3,6 +3,9 @@
 import dataclasses
 from typing import Literal
 
+LEAST_FACES = 100
+"""Fewer triangles do not hold a shape."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ExportOptions:
@@ -14,7 +17,7 @@ class ExportOptions:
     mesh: Literal["quads", "surface", "both", "none"] = "quads"
     """What carries the skin: one quad a Gaussian, a closed surface, both, or no mesh at all."""
     faces: int = 20_000
-    """Most triangles of the surface."""
+    """Most triangles of the surface, at least `LEAST_FACES`."""
     splats: Literal["none", "rest", "parts"] = "rest"
     """Splats in a glTF file: none, at rest in a second scene, or one moving primitive a part."""
     usd_splats: Literal["none", "sibling", "payload"] = "none"
@@ -26,13 +29,13 @@ class ExportOptions:
     tolerance_degrees: float = 1.0
     """... and no joint turns by more than this in world space; counts only with a `tolerance`."""
     precision: Literal["float", "half"] = "float"
-    """Numbers of turns and spherical harmonics in a USD cache; half turns by 0.05 degrees at most."""
+    """Of rotations and spherical harmonics in a USD cache; half rotations are 0.06 degrees off."""
     texture: bool = False
     """Give a closed surface its colors by a texture too, in USD; for tools without vertex colors."""
     camera: bool = True
     """Write the solved camera, if the clip has one."""
     alpha_cutoff: float = 0.2
-    """Carrier quads of a glTF file fainter than this are not drawn, 0..1."""
+    """Carrier quads fainter than this are not drawn by tools that do not blend them, 0..1."""
     fps: float | None = None
     """Frames per second of USD time codes and caches; None for the clip's own. Times stay."""
     up_axis: Literal["Y", "Z"] | None = None

@@ -70,8 +70,8 @@ PROFILES: dict[str, Profile] = {
         suffix=".usdc",
         known="read",
         because=(
-            "Y-up meters are its own; its USD knows the splat schema, and a payload can stay "
-            "unloaded."
+            "Y-up meters are its own; its USD knows the splat schema: the variant `splats` shows "
+            "them in place of the mesh, and a payload can stay unloaded."
         ),
     ),
     "omniverse": Profile(
@@ -79,7 +79,10 @@ PROFILES: dict[str, Profile] = {
         options=ExportOptions(up_axis="Z", meters_per_unit=1.0, usd_splats="payload"),
         suffix=".usdc",
         known="rule",
-        because="SimReady assets are Z-up, in meters; RTX draws the splat schema.",
+        because=(
+            "SimReady assets are Z-up, in meters; RTX draws the splat schema: the variant `splats` "
+            "shows them in place of the mesh."
+        ),
     ),
     "web": Profile(
         purpose="three.js, model-viewer, Scene Viewer",

@@ -17,8 +17,8 @@ from exporters.gltf.skeleton import add_joints, add_skin
 from exporters.gltf.skinned_mesh import add_skinned_mesh
 from exporters.gltf.splats import REST_SPLATS_NAME, add_splat_mesh
 from exporters.joint_limit import within_limit
-from exporters.meshes import meshes_of
 from exporters.key_reduction import find_kept_keys
+from exporters.meshes import meshes_of
 from exporters.options import ExportOptions
 
 GENERATOR = "Splatimate"

@@ -5,6 +5,7 @@ import numpy as np
 from exporters.carrier import base_colors_linear
 from exporters.clip import Clip
 from exporters.errors import ClipError
+from exporters.options import LEAST_FACES
 from exporters.skinned_mesh import SkinnedMesh, normalized_influences
 from exporters.surface.closing import closed, without_crumbs
 from exporters.surface.ellipsoids import Ellipsoids, ellipsoids_of
@@ -12,9 +13,6 @@ from exporters.surface.grid import FAINTEST, Grid
 from exporters.surface.level import matching_level
 from exporters.surface.nearby import look_at
 from exporters.surface.pieces import near_others, object_length, without_strays
-
-LEAST_FACES = 100
-"""Fewer triangles do not hold a shape."""
 
 CELLS_ALONG = 256
 """Cells along the diagonal of the object: some ten triangles for each of the default budget."""

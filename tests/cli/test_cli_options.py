@@ -129,7 +129,7 @@ def test_the_choices_are_the_fields_that_mean_the_same_to_both():
         ("anchors = 2.5", ("anchors", "whole number", "2.5")),
         ("fps = 0", ("fps", "above 0", "0")),
         ("fps = inf", ("fps", "above 0", "inf")),
-        ("faces = 3", ("faces", "4 or more", "3")),
+        ("faces = 99", ("faces", "100 or more", "99")),
         ("mesh = 'box'", ("mesh", "quads, surface, both or none", "'box'")),
         ("tolerance-degrees = -1", ("tolerance-degrees", "0 or more", "-1")),
         ("min-iou = 1.5", ("min-iou", "0 to 1", "1.5")),
