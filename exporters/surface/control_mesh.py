@@ -9,7 +9,7 @@ from exporters.options import LEAST_FACES
 from exporters.skinned_mesh import SkinnedMesh, normalized_influences
 from exporters.surface.closing import closed, without_crumbs
 from exporters.surface.ellipsoids import Ellipsoids, ellipsoids_of
-from exporters.surface.grid import FAINTEST, Grid
+from exporters.surface.grid import Grid
 from exporters.surface.level import matching_level
 from exporters.surface.nearby import look_at
 from exporters.surface.pieces import near_others, object_length, without_strays
@@ -19,6 +19,12 @@ CELLS_ALONG = 256
 
 CELLS_PER_SIGMA = 4
 """Cells along the middle axis of a typical Gaussian that are enough, however few it leaves."""
+
+FAINTEST = 0.02
+"""Alpha below which a Gaussian adds nothing to the density.
+
+With the 1/255 of renderers the tails of many faint Gaussians add up to a haze around the object.
+"""
 
 MOST_CELLS = 24_000_000
 """Bound of the memory: a few arrays of four bytes a cell live at once."""
@@ -59,9 +65,9 @@ def control_mesh(clip: Clip, face_count: int) -> SkinnedMesh:
     positions, triangles = _surface(ellipsoids, face_count)
     normals = _normals(positions, triangles)
     nearby = look_at(positions, normals, ellipsoids)
-    nearby = type(nearby)(splat_ids=seen[nearby.splat_ids], shares=nearby.shares)
-    joint_ids, weights = normalized_influences(*nearby.blended_skin(clip.skin))
-    colors = nearby.blend(base_colors_linear(clip.splats))
+    joint_ids, weights = nearby.blended_skin(clip.skin.joint_ids[seen], clip.skin.weights[seen])
+    joint_ids, weights = normalized_influences(joint_ids, weights)
+    colors = nearby.blend(base_colors_linear(clip.splats)[seen])
     return SkinnedMesh(
         name="surface",
         positions=positions.astype(np.float32),
@@ -80,7 +86,7 @@ def _surface(ellipsoids: Ellipsoids, face_count: int) -> tuple[np.ndarray, np.nd
     from skimage.measure import marching_cubes
 
     grid = _grid_around(ellipsoids)
-    field = grid.absorption(ellipsoids.widened(BLUR_CELLS * grid.pitch))
+    field = grid.absorption(ellipsoids.widened(BLUR_CELLS * grid.pitch), FAINTEST)
     level = matching_level(field, ellipsoids, grid)
     field = without_strays(field, level, ellipsoids, grid)
     cells, triangles, _, _ = marching_cubes(

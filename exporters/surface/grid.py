@@ -7,9 +7,6 @@ import numpy as np
 
 from exporters.surface.ellipsoids import Ellipsoids
 
-FAINTEST = 1 / 255
-"""Where a Gaussian's alpha is below this, it is left out, as renderers of splats do."""
-
 MOST_OPAQUE = 0.99
 """Alpha is held below 1, as renderers of splats do: nothing is absorbed without end."""
 
@@ -40,7 +37,7 @@ class Grid:
         indices = np.rint((points - self.origin) / self.pitch).astype(np.int64)
         return tuple(np.clip(indices, 0, np.array(self.shape) - 1).T)
 
-    def absorption(self, ellipsoids: Ellipsoids) -> np.ndarray:
+    def absorption(self, ellipsoids: Ellipsoids, faintest: float) -> np.ndarray:
         """Return the sum of -log(1 - alpha) over all Gaussians, float32, of the grid's shape.
 
         1 - exp(-absorption) is the alpha of all of them together, in whatever order, as if all
@@ -48,13 +45,16 @@ class Grid:
 
         Args:
             ellipsoids: In as many dimensions as the grid has.
+            faintest: A Gaussian is left out where its alpha is below this.
         """
         absorption = np.zeros(self.shape, np.float32).reshape(-1)
-        for cells, values in self._contributions(ellipsoids):
+        for cells, values in self._contributions(ellipsoids, faintest):
             np.add.at(absorption, cells, values)
         return absorption.reshape(self.shape)
 
-    def _contributions(self, ellipsoids: Ellipsoids) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    def _contributions(
+        self, ellipsoids: Ellipsoids, faintest: float
+    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Yield flat cell indices and absorptions, a bounded number at once.
 
         Each Gaussian is cut into lines of cells along the last axis, on which it is a Gaussian of
@@ -63,7 +63,7 @@ class Grid:
         centers = (ellipsoids.centers - self.origin) / self.pitch
         covariances = ellipsoids.covariances / self.pitch**2
         precisions = np.linalg.inv(covariances)
-        reach_squared = 2 * np.log(np.maximum(ellipsoids.opacities / FAINTEST, 1.0))
+        reach_squared = 2 * np.log(np.maximum(ellipsoids.opacities / faintest, 1.0))
         half_widths = np.sqrt(reach_squared[:, None] * np.einsum("nii->ni", covariances))
         first, counts = self._spans(centers - half_widths, centers + half_widths)
         for chunk in _chunks(counts.prod(axis=1)):

@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 
-from exporters.clip import Skin
 from exporters.skinned_mesh import INFLUENCES
 from exporters.surface.ellipsoids import Ellipsoids
 
@@ -26,18 +25,21 @@ class Nearby:
         """Return the mean of a property, (N, D) to (V, D)."""
         return np.einsum("vk,vkd->vd", self.shares, per_splat[self.splat_ids])
 
-    def blended_skin(self, skin: Skin) -> tuple[np.ndarray, np.ndarray]:
-        """Return the mean of the skin: the strongest four joints of each point.
+    def blended_skin(
+        self, joint_ids: np.ndarray, weights: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the mean of the skin: the strongest four joints of each point, none twice.
 
         Args:
-            skin: Joints and weights of all N Gaussians.
+            joint_ids: Joints of the N Gaussians, shape (N, 4).
+            weights: Their weights, shape (N, 4).
 
         Returns:
             Joints and weights, which need not sum to 1, both of shape (V, 4).
         """
         point_count = len(self.splat_ids)
-        joint_ids = skin.joint_ids[self.splat_ids].reshape(point_count, -1)
-        weights = self.shares[:, :, None] * skin.weights[self.splat_ids]
+        joint_ids = joint_ids[self.splat_ids].reshape(point_count, -1)
+        weights = self.shares[:, :, None] * weights[self.splat_ids]
         weights = weights.reshape(point_count, -1)
         # Sorted by joint, a joint's weight is what the running sum gains over its run.
         order = np.argsort(joint_ids, axis=1, kind="stable")
