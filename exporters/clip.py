@@ -59,6 +59,11 @@ class Splats:
     def __len__(self) -> int:
         return len(self.positions)
 
+    def subset(self, rows: np.ndarray | slice) -> "Splats":
+        """Return some of the Gaussians, chosen as rows of an array are."""
+        fields = dataclasses.fields(self)
+        return Splats(**{field.name: getattr(self, field.name)[rows] for field in fields})
+
     @property
     def sh_degree(self) -> int:
         """Degree of the spherical harmonics, 0..3."""

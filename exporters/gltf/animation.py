@@ -29,6 +29,8 @@ class NodeTracks:
     """What the nodes' own translations say [m], shape (M, 3)."""
     rest_quats_wxyz: np.ndarray
     """What the nodes' own rotations say, unit, shape (M, 4)."""
+    times_s: np.ndarray | None = None
+    """Key times of these nodes [s], shape (T,); None for those of the animation."""
     kept: np.ndarray | None = None
     """Which keys each node keeps, first and last always, bool, shape (T, M); None for all."""
 
@@ -48,23 +50,22 @@ def add_animation(
         document: Receives the animation.
         buffer: Receives the keys.
         times_s: Key times [s], strictly increasing from 0, shape (T,).
-        tracks: Motions with T keys each.
+        tracks: Motions with T keys each, or with times of their own.
         extras: What glTF has no field for, kept with the animation.
     """
-    moving = [channels for track in tracks for channels in _moving_channels(track)]
+    moving = [channels for track in tracks for channels in _moving_channels(track, times_s)]
     if not moving:
         return
-    masks = {mask.tobytes(): mask for channels in moving for mask in channels.masks}
-    times = times_s.astype(np.float32)
-    time_accessors = buffer.add_tracks([times[mask] for mask in masks.values()], bounds=True)
-    accessor_of_mask = dict(zip(masks, time_accessors, strict=True))
+    inputs = {times.tobytes(): times for channels in moving for times in channels.times}
+    time_accessors = buffer.add_tracks(list(inputs.values()), bounds=True)
+    accessor_of_times = dict(zip(inputs, time_accessors, strict=True))
 
     animation = pygltflib.Animation(name="clip", extras=extras)
     for channels in moving:
         accessors = buffer.add_tracks(channels.values)
-        for node, mask, accessor in zip(channels.nodes, channels.masks, accessors, strict=True):
+        for node, times, accessor in zip(channels.nodes, channels.times, accessors, strict=True):
             sampler = pygltflib.AnimationSampler(
-                input=accessor_of_mask[mask.tobytes()],
+                input=accessor_of_times[times.tobytes()],
                 output=accessor,
                 interpolation=pygltflib.ANIM_LINEAR,
             )
@@ -83,14 +84,15 @@ class _Channels:
 
     path: str
     nodes: list[int]
-    masks: list[np.ndarray]
-    """Which keys each node has, bool, shape (T,)."""
+    times: list[np.ndarray]
+    """Key times of each node [s], float32, shape (keys,)."""
     values: list[np.ndarray]
     """These keys as the file stores them, float32, shape (keys, 3) or (keys, 4)."""
 
 
-def _moving_channels(track: NodeTracks) -> Iterator[_Channels]:
+def _moving_channels(track: NodeTracks, times_s: np.ndarray) -> Iterator[_Channels]:
     """Yield the properties that move: a key differs from rest as the file stores it, in float32."""
+    times = (times_s if track.times_s is None else track.times_s).astype(np.float32)
     translations = track.translations.astype(np.float32)
     shifted = translations != track.rest_translations.astype(np.float32)
     rest_wxyz = np.broadcast_to(track.rest_quats_wxyz, track.quats_wxyz.shape)
@@ -114,7 +116,8 @@ def _moving_channels(track: NodeTracks) -> Iterator[_Channels]:
             if path == "rotation":
                 thinned = [continue_signs(v) for v in thinned]
         nodes = [track.nodes[mover] for mover in movers]
-        yield _Channels(path=path, nodes=nodes, masks=masks, values=thinned)
+        node_times = [times[mask] for mask in masks]
+        yield _Channels(path=path, nodes=nodes, times=node_times, values=thinned)
 
 
 def _worthwhile(kept: np.ndarray) -> np.ndarray:

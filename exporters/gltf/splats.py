@@ -20,15 +20,21 @@ REST_SPLATS_NAME = "rest_splats"
 
 
 def add_splat_mesh(
-    document: pygltflib.GLTF2, buffer: BinaryBuffer, splats: Splats, material: int
+    document: pygltflib.GLTF2,
+    buffer: BinaryBuffer,
+    splats: Splats,
+    material: int,
+    *,
+    name: str = REST_SPLATS_NAME,
 ) -> int:
-    """Add the splats at rest; return the index of the mesh.
+    """Add splats as they are; return the index of the mesh.
 
     Args:
         document: Receives the mesh.
         buffer: Receives its attributes.
         splats: Y-up, in meters; scales and opacities are linear there as here.
         material: Material of the fallback points, for readers without the extension.
+        name: Name of the mesh.
     """
     attributes = pygltflib.Attributes(
         POSITION=buffer.add_attribute(splats.positions, bounds=True),
@@ -41,14 +47,14 @@ def add_splat_mesh(
         "SCALE": splats.scales,
         "OPACITY": splats.opacities,
     }
-    for name, values in own_attributes.items():
-        setattr(attributes, f"{SPLAT_EXTENSION}:{name}", buffer.add_attribute(values))
+    for semantic, values in own_attributes.items():
+        setattr(attributes, f"{SPLAT_EXTENSION}:{semantic}", buffer.add_attribute(values))
     for degree in range(splats.sh_degree + 1):
         for index in range(2 * degree + 1):
             # Degree l starts at coefficient l^2; m runs from -l to l, as in the training code.
             coefficients = splats.sh_coeffs[:, degree * degree + index, :]
-            name = f"{SPLAT_EXTENSION}:SH_DEGREE_{degree}_COEF_{index}"
-            setattr(attributes, name, buffer.add_attribute(coefficients))
+            semantic = f"{SPLAT_EXTENSION}:SH_DEGREE_{degree}_COEF_{index}"
+            setattr(attributes, semantic, buffer.add_attribute(coefficients))
     primitive = pygltflib.Primitive(
         mode=pygltflib.POINTS,
         attributes=attributes,
@@ -62,6 +68,7 @@ def add_splat_mesh(
             }
         },
     )
-    document.meshes.append(pygltflib.Mesh(name=REST_SPLATS_NAME, primitives=[primitive]))
-    document.extensionsUsed.append(SPLAT_EXTENSION)
+    document.meshes.append(pygltflib.Mesh(name=name, primitives=[primitive]))
+    if SPLAT_EXTENSION not in document.extensionsUsed:
+        document.extensionsUsed.append(SPLAT_EXTENSION)
     return len(document.meshes) - 1

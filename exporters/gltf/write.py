@@ -13,6 +13,7 @@ from exporters.gltf.animation import NodeTracks, add_animation
 from exporters.gltf.buffers import BinaryBuffer
 from exporters.gltf.camera import add_camera
 from exporters.gltf.materials import Materials
+from exporters.gltf.parts import SPLAT_PARTS_NAME, add_parts
 from exporters.gltf.skeleton import add_joints, add_skin
 from exporters.gltf.skinned_mesh import add_skinned_mesh
 from exporters.gltf.splats import REST_SPLATS_NAME, add_splat_mesh
@@ -33,7 +34,9 @@ def write_gltf(
     """Write the rigged asset as glTF 2.0.
 
     The default scene holds the skeleton below a node of the clip's name, the skinned meshes
-    (by default the carrier) and the solved camera; a second scene, `rest_splats`, the exact splats at rest.
+    (by default the carrier) and the solved camera; a second scene, `rest_splats`, the exact splats
+    at rest, or `splat_parts`, the splats as rigid pieces in motion. Without a mesh these are in the
+    default scene.
 
     Args:
         clip: What to write, any up axis and unit; the file is Y-up, in meters and seconds.
@@ -59,7 +62,7 @@ def write_gltf(
         if len(blob) > GLB_BLOB_LIMIT_BYTES:
             raise ClipError(
                 f"{path}: {len(clip.splats)} Gaussians make {len(blob) / 2**30:.1f} GiB, but a "
-                ".glb ends at 4 GiB; write a .gltf, or leave out the rest splats"
+                ".glb ends at 4 GiB; write a .gltf, or leave out the splats"
             )
         document.set_binary_blob(blob)
         with replacing(path) as partial:
@@ -118,6 +121,13 @@ def build_document(clip: Clip, options: ExportOptions) -> tuple[pygltflib.GLTF2,
         node.skin = skin
         nodes.append(_add_node(document, node))
     document.scenes.append(pygltflib.Scene(name=clip.name, nodes=nodes))
+    if options.splats == "parts":
+        parts = add_parts(document, buffer, clip, materials.splat_colors)
+        tracks.append(parts.tracks)
+        if skinned:
+            document.scenes.append(pygltflib.Scene(name=SPLAT_PARTS_NAME, nodes=[parts.root]))
+        else:
+            nodes.append(parts.root)
 
     extras = {"fps": float(clip.fps), "source_frames": [int(i) for i in clip.source_frames]}
     add_animation(document, buffer, clip.tracks.times_s, tracks, extras)
