@@ -1,4 +1,13 @@
-"""Arrays as accessors: one binary blob, every piece on a four-byte boundary."""
+"""Arrays as accessors: one binary blob, every piece on a four-byte boundary.
+
+Numbers stay float32, but for colors (16 bits) and indices. What smaller ones would do, measured on
+clips of three walking and swimming objects, in diagonals:
+
+* Weights of 16 bits, summing to 65535: centers move by up to 9e-7, the whole error that the default
+  may have, to save 6 % of a .glb; of 8 bits by up to 2e-4.
+* Positions of 16 bits (KHR_mesh_quantization, which then is required to open the file): 8e-6.
+* meshopt or Draco: importers need a decoder (three.js has to be given it), or refuse the file.
+"""
 
 from collections.abc import Sequence
 
