@@ -183,6 +183,7 @@ LAYOUTS: dict[str, ExportOptions] = {
 _WRITE_ALL = """
 import sys
 from pathlib import Path
+from exporters.options import ExportOptions
 from exporters.registry import export_clip
 from tests.exporters.test_round_trip import CACHE_FORMATS, GLTF_FORMATS, LAYOUTS, USD_FORMATS
 from tests.helpers import clips
@@ -190,6 +191,8 @@ from tests.helpers import clips
 for name, options in LAYOUTS.items():
     for ending in (".splatimate.npz", *USD_FORMATS, *GLTF_FORMATS, *CACHE_FORMATS, "_gaussians.usdz"):
         export_clip(clips.random(), Path(sys.argv[1]) / name / f"clip{ending}", options)
+surface = ExportOptions(mesh="both", faces=100, texture=True)
+export_clip(clips.random(), Path(sys.argv[1]) / "clip.usdz", surface)
 """
 
 
