@@ -92,7 +92,7 @@ def rotate_each(sh_coeffs: np.ndarray, quats_wxyz: np.ndarray) -> np.ndarray:
         start, middle, end = _zyz_turns(quats_wxyz[rows])
         for degree, orders in enumerate(degrees, start=1):
             about_x, back = _quarter_turns(degree)
-            pattern = np.ascontiguousarray(sh_coeffs[rows, orders].transpose(1, 2, 0))
+            pattern = sh_coeffs[rows, orders].transpose(1, 2, 0).copy()
             _mix_orders(pattern, start)
             pattern = (about_x @ pattern.reshape(len(pattern), -1)).reshape(pattern.shape)
             _mix_orders(pattern, middle)
