@@ -277,7 +277,7 @@ RIG_EDITS: dict[str, tuple[Edit, str]] = {
     ),
     "no extent": (
         without(MESH, "extent"),
-        f"{MESH}.extent: expected an extent of two corners, found none",
+        f"{MESH}.extent: expected an extent of two corners, found 0 corners",
     ),
     "small extent": (
         attribute(MESH, "extent", lambda box: box * 0.9),
@@ -341,7 +341,7 @@ RIG_EDITS: dict[str, tuple[Edit, str]] = {
     ),
     "no extent of the motion": (
         without("/random", "extent"),
-        "/random.extent: expected an extent, found none",
+        "/random.extent: expected an extent of two corners, found none",
     ),
     "rest extent for the motion": (
         attribute("/random", "extent", lambda box: box * 0.3),
@@ -409,7 +409,7 @@ CACHE_EDITS: dict[str, tuple[Edit, str]] = {
     ),
     "no extent": (
         without(SPLATS, "extent"),
-        f"{SPLATS}.extent at 0: expected an extent of two corners, found none",
+        f"{SPLATS}.extent at 0: expected an extent of two corners, found 0 corners",
     ),
     "extent of the centers": (
         lambda stage: attribute(

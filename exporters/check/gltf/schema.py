@@ -150,7 +150,7 @@ def _object_problems(
 
 
 def _value_problems(
-    value: object, member: Member, place: str, document: dict[str, Any]
+    value: Any, member: Member, place: str, document: dict[str, Any]
 ) -> Iterator[Problem]:
     if not isinstance(value, _TYPES[member.kind]) or isinstance(value, bool):
         one = dataclasses.replace(member, holds="one")

@@ -103,10 +103,11 @@ def _primitive_problems(
         return
     joints = [accessors.raw(attributes[f"JOINTS_{n}"]) for n in sets]
     weights = [accessors.values(attributes[f"WEIGHTS_{n}"]) for n in sets]
-    if any(rows is None or rows.shape != joints[0].shape for rows in [*joints, *weights]):
+    readable = [rows for rows in (*joints, *weights) if rows is not None]
+    if len(readable) < 2 * len(sets) or len({rows.shape for rows in readable}) > 1:
         return  # said by the rules of accessors and attributes
-    all_joints = np.concatenate(joints, axis=1).astype(np.int32)
-    all_weights = np.concatenate(weights, axis=1)
+    all_joints = np.concatenate(readable[: len(sets)], axis=1).astype(np.int32)
+    all_weights = np.concatenate(readable[len(sets) :], axis=1)
     yield from influences.joint_indices(f"{place}/JOINTS_0", all_joints, joint_count)
     yield from influences.weights(f"{place}/WEIGHTS_0", all_weights)
     yield from influences.distinct_joints(f"{place}/JOINTS_0", all_joints, all_weights)

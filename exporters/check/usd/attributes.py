@@ -1,6 +1,7 @@
 """Rules for every attribute of a stage, whatever it is for."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from pxr import Sdf, Usd
@@ -78,7 +79,7 @@ def _attributes(stage: Usd.Stage) -> Iterator[Usd.Attribute]:
         yield from prim.GetAuthoredAttributes()
 
 
-def _asset_problems(where: str, value: object) -> Iterator[Problem]:
+def _asset_problems(where: str, value: Any) -> Iterator[Problem]:
     """Every asset path resolves (USD, "Asset Resolution")."""
     assets = [value] if isinstance(value, Sdf.AssetPath) else []
     if isinstance(value, Sdf.AssetPathArray):

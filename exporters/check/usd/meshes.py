@@ -17,13 +17,13 @@ def mesh_problems(stage: Usd.Stage) -> Iterator[Problem]:
             continue
         mesh = UsdGeom.Mesh(prim)
         points = _first_rows(mesh.GetPointsAttr())
-        if points is None or len(points) == 0:
+        if len(points) == 0:
             where = place(mesh.GetPointsAttr())
             yield Problem(place=where, expected="points", found="none")
             continue
         counts = _first_rows(mesh.GetFaceVertexCountsAttr())
         indices = _first_rows(mesh.GetFaceVertexIndicesAttr())
-        if counts is None or indices is None:
+        if len(counts) == 0 or len(indices) == 0:
             yield Problem(place=str(prim.GetPath()), expected="faces", found="none")
             continue
         yield from face_count_problems(place(mesh.GetFaceVertexCountsAttr()), counts, len(indices))
@@ -86,8 +86,8 @@ def extent_problems(gprim: UsdGeom.PointBased) -> Iterator[Problem]:
     for time in sample_times([points_attribute]):
         extent = rows(extent_attribute, time)
         where = place(extent_attribute, time)
-        if extent is None or extent.shape != (2, 3):
-            found = "none" if extent is None else f"{len(extent)} corners"
+        if len(extent) != 2:
+            found = f"{len(extent)} corners"
             yield Problem(place=where, expected="an extent of two corners", found=found)
             return
         problems = [*gaussians.points_in_extent(where, extent, rows(points_attribute, time))]

@@ -16,11 +16,10 @@ def skeleton_problems(skeleton: UsdSkel.Skeleton) -> Iterator[Problem]:
     yield from joint_problems(place(skeleton.GetJointsAttr()), joints)
     for attribute in (skeleton.GetBindTransformsAttr(), skeleton.GetRestTransformsAttr()):
         matrices = rows(attribute)
-        found = 0 if matrices is None else len(matrices)
-        if found != len(joints):
+        if len(matrices) != len(joints):
             expected = f"{len(joints)} matrices, one a joint"
-            yield Problem(place=place(attribute), expected=expected, found=str(found))
-        elif matrices is not None:
+            yield Problem(place=place(attribute), expected=expected, found=str(len(matrices)))
+        elif joints:
             yield from matrix_problems(place(attribute), matrices)
     source = UsdSkel.BindingAPI(skeleton.GetPrim()).GetAnimationSourceRel()
     for target in source.GetTargets():
@@ -109,8 +108,7 @@ def animation_problems(animation: UsdSkel.Animation) -> Iterator[Problem]:
         animation.GetScalesAttr(),
     ):
         for time in sample_times([attribute]):
-            values = rows(attribute, time)
-            found = 0 if values is None else len(values)
+            found = len(rows(attribute, time))
             if found != joint_count:
                 expected = f"{joint_count} values, one a joint"
                 yield Problem(place=place(attribute, time), expected=expected, found=str(found))

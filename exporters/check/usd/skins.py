@@ -10,8 +10,8 @@ from exporters.check.problem import Problem
 from exporters.check.usd.values import place, rows
 
 _INTERPOLATIONS = (UsdGeom.Tokens.vertex, UsdGeom.Tokens.constant)
-_POSED_POINTS = 256
-_POSED_TIMES = 16
+POSED_TIMES = 8
+"""At how many keys the extent of a SkelRoot is compared with its meshes."""
 
 
 def skin_problems(stage: Usd.Stage) -> Iterator[Problem]:
@@ -62,8 +62,7 @@ def layout_problems(
             expected = " or ".join(_INTERPOLATIONS) + ", the same for both"
             yield Problem(place=f"{where} interpolation", expected=expected, found=interpolation)
             continue
-        values = rows(primvar.GetAttr())
-        found = 0 if values is None else len(values)
+        found = len(rows(primvar.GetAttr()))
         elements = 1 if interpolation == UsdGeom.Tokens.constant else point_count
         if elements is not None and found != elements * size:
             expected = f"{elements * size} values, {size} for each of {elements}"
@@ -86,14 +85,18 @@ def _influence_problems(
 def root_extent_problems(stage: Usd.Stage) -> Iterator[Problem]:
     """The extent of a SkelRoot holds its skinned meshes at all times (UsdSkelRoot).
 
-    Looked at are up to 256 points of each mesh at up to 16 times, posed by UsdSkel.
+    Looked at are up to eight of the times, posed by UsdSkel.
     """
     for prim in stage.Traverse():
         if not prim.IsA(UsdSkel.Root):
             continue
         root = UsdSkel.Root(prim)
-        if root.GetExtentAttr().Get() is None:
-            yield Problem(place=place(root.GetExtentAttr()), expected="an extent", found="none")
+        if len(rows(root.GetExtentAttr())) != 2:
+            yield Problem(
+                place=place(root.GetExtentAttr()),
+                expected="an extent of two corners",
+                found="none",
+            )
             continue
         cache = UsdSkel.Cache()
         cache.Populate(root, Usd.PrimDefaultPredicate)
@@ -109,30 +112,23 @@ def _posed_problems(
     mesh = UsdGeom.Mesh(target.GetPrim())
     if not mesh or not target.HasJointInfluences():
         return
-    points = rows(mesh.GetPointsAttr())
-    size = target.GetNumInfluencesPerComponent()
-    if points is None or target.IsRigidlyDeformed():
-        return
-    chosen = slice(None, None, -(-len(points) // _POSED_POINTS))
-    joint_ids = rows(target.GetJointIndicesPrimvar().GetAttr()).reshape(-1, size)[chosen]
-    weights = rows(target.GetJointWeightsPrimvar().GetAttr()).reshape(-1, size)[chosen]
-    bind = np.array(target.GetGeomBindTransform(Usd.TimeCode.Default()))
-    rest = np.append(points[chosen], np.ones((len(joint_ids), 1)), axis=1) @ bind
-    mapper = target.GetJointMapper()
-    times = query.GetAnimQuery().GetJointTransformTimeSamples() if query.GetAnimQuery() else []
     extent_attribute = root.GetExtentAttr()
-    for code in times[:: -(-len(times) // _POSED_TIMES) or 1] or [0.0]:
+    root_from_skeleton, _ = UsdGeom.XformCache().ComputeRelativeTransform(
+        query.GetPrim(), root.GetPrim()
+    )
+    animation = query.GetAnimQuery()
+    times = animation.GetJointTransformTimeSamples() if animation else []
+    for code in times[:: max(-(-len(times) // POSED_TIMES), 1)] or [0.0]:
         time = Usd.TimeCode(code)
+        points = mesh.GetPointsAttr().Get(time)
         transforms = query.ComputeSkinningTransforms(time)
-        if mapper:
-            transforms = mapper.RemapTransforms(transforms)
-        matrices = np.asarray(transforms)
-        if joint_ids.size == 0 or len(matrices) <= joint_ids.max() or joint_ids.min() < 0:
-            return  # said by the rules of influences
-        blended = np.einsum("vk,vkij->vij", weights, matrices[joint_ids])
-        posed = np.einsum("vi,vij->vj", rest, blended)[:, :3]
-        where = place(extent_attribute, time)
-        extent = rows(extent_attribute, time)
+        if not target.ComputeSkinnedPoints(transforms, points, time):
+            expected = "a mesh that UsdSkel can skin"
+            yield Problem(place=str(mesh.GetPrim().GetPath()), expected=expected, found="another")
+            return
+        matrix = np.array(root_from_skeleton)  # acts on row vectors
+        posed = np.asarray(points) @ matrix[:3, :3] + matrix[3, :3]
+        where, extent = place(extent_attribute, time), rows(extent_attribute, time)
         problems = [*gaussians.points_in_extent(where, extent, posed)]
         yield from problems
         if problems:
@@ -140,7 +136,5 @@ def _posed_problems(
 
 
 def _point_count(prim: Usd.Prim) -> int | None:
-    if not prim.IsA(UsdGeom.PointBased):
-        return None
-    points = rows(UsdGeom.PointBased(prim).GetPointsAttr())
-    return 0 if points is None else len(points)
+    is_point_based = prim.IsA(UsdGeom.PointBased)
+    return len(rows(UsdGeom.PointBased(prim).GetPointsAttr())) if is_point_based else None

@@ -73,7 +73,7 @@ def field_problems(field: UsdVol.ParticleField3DGaussianSplat) -> Iterator[Probl
     settled: set[str] = set()  # nothing new to say about these
     for time in sample_times([*varying, extent]):
         positions = rows(attributes.positions, time)
-        count = 0 if positions is None else len(positions)
+        count = len(positions)
         if first_count is None:
             first_count = count
         if (count == 0 or count != first_count) and "positions" not in settled:
@@ -112,13 +112,12 @@ def array_problems(
     """
     where = place(attribute, time)
     values = rows(attribute, time)
-    found = 0 if values is None else len(values)
-    if per_gaussian is not None and found != count * per_gaussian:
+    if per_gaussian is not None and len(values) != count * per_gaussian:
         expected = f"{count * per_gaussian} values, {per_gaussian} for each of {count} Gaussians"
-        yield Problem(place=where, expected=expected, found=str(found))
-    elif attribute.GetName().startswith("scales") and values is not None:
+        yield Problem(place=where, expected=expected, found=str(len(values)))
+    elif attribute.GetName().startswith("scales"):
         yield from gaussians.linear_scales(where, values)
-    elif attribute.GetName().startswith("opacities") and values is not None:
+    elif attribute.GetName().startswith("opacities"):
         yield from gaussians.opacities(where, values)
 
 
@@ -128,16 +127,16 @@ def _extent_problems(
     """The extent is authored, since no plugin computes it, and holds the 3-sigma ellipsoids."""
     where = place(extent_attribute, time)
     extent = rows(extent_attribute, time)
-    if extent is None or extent.shape != (2, 3):
-        found = "none" if extent is None else f"{len(extent)} corners"
+    if len(extent) != 2:
+        found = f"{len(extent)} corners"
         yield Problem(place=where, expected="an extent of two corners", found=found)
         return
-    arrays = [
+    positions, orientations, scales = (
         rows(each, time)
         for each in (attributes.positions, attributes.orientations, attributes.scales)
-    ]
-    if all(array is not None and len(array) == len(arrays[0]) for array in arrays):
-        yield from gaussians.ellipsoids_in_extent(where, extent, *arrays)
+    )
+    if len(positions) == len(orientations) == len(scales):
+        yield from gaussians.ellipsoids_in_extent(where, extent, positions, orientations, scales)
 
 
 def _chosen(full: Usd.Attribute, half: Usd.Attribute) -> Usd.Attribute:

@@ -1,6 +1,7 @@
 """Values of attributes as numpy, without copying arrays. Quaternions come out xyzw."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from pxr import Gf, Usd, Vt
@@ -9,7 +10,7 @@ _QUATERNIONS = (Gf.Quatd, Gf.Quatf, Gf.Quath)
 _QUATERNION_ARRAYS = (Vt.QuatdArray, Vt.QuatfArray, Vt.QuathArray)
 
 
-def numbers_of(value: object) -> np.ndarray | None:
+def numbers_of(value: Any) -> np.ndarray | None:
     """Return a value's numbers, None if it is text, a path or the like."""
     if isinstance(value, _QUATERNIONS):
         return np.array([*value.GetImaginary(), value.GetReal()])
@@ -28,13 +29,13 @@ def sample_times(attributes: Sequence[Usd.Attribute]) -> list[Usd.TimeCode]:
     return [Usd.TimeCode(time) for time in times] or [Usd.TimeCode.Default()]
 
 
-def rows(attribute: Usd.Attribute, time: Usd.TimeCode | None = None) -> np.ndarray | None:
-    """Return the array of an attribute at a time, None if it has no value there.
+def rows(attribute: Usd.Attribute, time: Usd.TimeCode | None = None) -> np.ndarray:
+    """Return the array of an attribute at a time, an empty one if it has no value there.
 
     Its type is right: `attributes.type_problems` came first.
     """
     value = attribute.Get(Usd.TimeCode.Default() if time is None else time)
-    return None if value is None else np.asarray(value)
+    return np.zeros(0) if value is None else np.asarray(value)
 
 
 def place(attribute: Usd.Attribute, time: Usd.TimeCode | None = None) -> str:
