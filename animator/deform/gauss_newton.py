@@ -12,6 +12,7 @@ import torch
 from scipy.sparse import csr_matrix
 from scipy.spatial.transform import Rotation
 
+from animator.deform.robust_norm import RobustNorm
 from animator.types import AnchorPoses, Anchors, Camera, GaussianMatches
 
 
@@ -28,8 +29,12 @@ class MatchSolverConfig:
     ray most of all."""
     rest: float = 0.03
     """Weight of the rest pose: keeps what has hardly moved from drifting along the viewing ray."""
-    rest_reach: float = 0.03
-    """Motion from rest [diagonals] at which that pull has weakened to a quarter (Geman-McClure)."""
+    arap_norm: RobustNorm = RobustNorm(reach=0.004)
+    """What the residuals of Eq. 5 cost [diagonals]."""
+    turn_norm: RobustNorm = RobustNorm(reach=0.1)
+    """What |R_i - R_j| of neighboring anchors costs; 0.1 is 4 degrees."""
+    rest_norm: RobustNorm = RobustNorm(reach=0.03)
+    """What motion from rest costs [diagonals]."""
     huber: float = 0.01
     """Reprojection error above which a match counts linearly [share of the object's size]."""
     damping: float = 1e-4
@@ -200,8 +205,9 @@ class _Solver:
         rest = self.anchor_positions[second] - self.anchor_positions[first]
         arms = np.einsum("eij,ej->ei", rotations[first], rest)
         residuals = arms - rest - translations[second] + translations[first]
-        roots = np.sqrt(self.config.arap * self.edge_weights / max(len(first), 1))
-        roots = roots / self.problem.diagonal
+        squared = np.einsum("ei,ei->e", residuals, residuals) / self.problem.diagonal**2
+        weights = self.edge_weights * self.config.arap_norm.weight(squared)
+        roots = np.sqrt(self.config.arap * weights / max(len(first), 1)) / self.problem.diagonal
         identity = np.broadcast_to(np.eye(3), (len(first), 3, 3))
         entries = np.concatenate([-_cross_matrices(arms), identity, -identity], axis=-1)
         columns = np.concatenate(
@@ -220,13 +226,15 @@ class _Solver:
         first, second = self.edges.T
         between = rotations[first] @ rotations[second].transpose(0, 2, 1)
         residuals = Rotation.from_matrix(between).as_rotvec() if len(first) else np.zeros((0, 3))
-        root = np.sqrt(self.config.rotation / max(len(first), 1))
+        squared = 2.0 * np.einsum("ei,ei->e", residuals, residuals)  # |R_i - R_j|^2 of a small turn
+        weights = self.config.turn_norm.weight(squared)
+        roots = np.sqrt(self.config.rotation * weights / max(len(first), 1))
         identity = np.broadcast_to(np.eye(3), (len(first), 3, 3))
-        entries = root * np.concatenate([identity, -identity], axis=-1)
+        entries = roots[:, None, None] * np.concatenate([identity, -identity], axis=-1)
         columns = np.concatenate(
             [6 * first[:, None] + np.arange(3), 6 * second[:, None] + np.arange(3)], axis=1
         )
-        return self._rows(entries, columns), (root * residuals).ravel()
+        return self._rows(entries, columns), (residuals * roots[:, None]).ravel()
 
     def _rows(self, entries: np.ndarray, columns: np.ndarray) -> csr_matrix:
         """Assemble (E, 3, C) blocks whose three rows share the columns (E, C)."""
@@ -253,8 +261,8 @@ class _Solver:
         shift_weights = np.full(count, tether / self.problem.diagonal**2)
         # What clearly moved is let go; what stands still is held where it was captured.
         squared = (translations**2).sum(axis=1) / self.problem.diagonal**2
-        rest_weights = self.config.rest / count / (1.0 + squared / self.config.rest_reach**2) ** 2
-        rest_weights /= self.problem.diagonal**2
+        rest_weights = self.config.rest_norm.weight(squared)
+        rest_weights *= self.config.rest / count / self.problem.diagonal**2
         weights = np.repeat(
             np.stack([turn_weights, shift_weights + rest_weights], axis=1), 3, axis=1
         )

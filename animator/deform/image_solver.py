@@ -13,6 +13,7 @@ import torch
 
 from animator import quaternions
 from animator.deform import losses
+from animator.deform.robust_norm import RobustNorm
 from animator.deform.skinning import Skinner
 from animator.types import AnchorPoses, Anchors, Camera, GaussianMatches, Gaussians
 
@@ -58,8 +59,12 @@ class ImageSolverConfig:
     """Share of the learning rate left at the last step (exponential decay)."""
     smoothing: float = 4.0
     """Strength s of the preconditioner; 0 is plain Adam."""
-    rest_reach: float = 0.03
-    """Motion from rest [diagonals] at which the pull to the rest pose lets go."""
+    arap_norm: RobustNorm = RobustNorm(reach=0.004, floor=0.1)
+    """What the residuals of Eq. 5 cost [diagonals]."""
+    turn_norm: RobustNorm = RobustNorm(reach=0.1)
+    """What |R_i - R_j| of neighboring anchors costs; 0.1 is 4 degrees."""
+    rest_norm: RobustNorm = RobustNorm(reach=0.03)
+    """What motion from rest costs [diagonals]."""
     weights: LossWeights = dataclasses.field(default_factory=LossWeights)
 
 
@@ -197,17 +202,19 @@ class ImageSolver:
             )
         if weights.arap > 0:
             total = total + weights.arap * losses.arap_loss(
-                self._anchors, poses, diagonal=self._diagonal
+                self._anchors, poses, diagonal=self._diagonal, norm=self.config.arap_norm
             )
         if weights.rotation > 0:
-            total = total + weights.rotation * losses.rotation_smoothness_loss(self._anchors, poses)
+            total = total + weights.rotation * losses.rotation_smoothness_loss(
+                self._anchors, poses, norm=self.config.turn_norm
+            )
         if weights.temporal > 0:
             total = total + weights.temporal * losses.temporal_loss(
                 poses, previous, diagonal=self._diagonal, radius=self._anchors.spacing
             )
         if weights.rest > 0:
             total = total + weights.rest * losses.rest_loss(
-                poses, diagonal=self._diagonal, reach=self.config.rest_reach
+                poses, diagonal=self._diagonal, norm=self.config.rest_norm
             )
         if weights.deform > 0 and target.matches is not None and len(target.matches):
             total = total + weights.deform * self._deformation(target, target.matches, posed)

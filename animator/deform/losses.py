@@ -8,7 +8,11 @@ divided by the area of the target's silhouette, so that the empty part of a fram
 import torch
 
 from animator import quaternions
+from animator.deform.robust_norm import RobustNorm
 from animator.types import AnchorPoses, Anchors
+
+SQUARES = RobustNorm()
+"""The plain sum of squares."""
 
 
 def deformation_loss(
@@ -62,28 +66,45 @@ def group_loss(
     return ((rest - posed) / diagonal).square().sum(dim=1).mean()
 
 
-def arap_loss(anchors: Anchors, poses: AnchorPoses, *, diagonal: float) -> torch.Tensor:
-    """Let neighboring anchors move as rigidly as possible, relative to the rest pose (paper Eq. 5)."""
+def arap_loss(
+    anchors: Anchors, poses: AnchorPoses, *, diagonal: float, norm: RobustNorm = SQUARES
+) -> torch.Tensor:
+    """Let neighboring anchors move as rigidly as possible, relative to the rest pose (paper Eq. 5).
+
+    Args:
+        anchors: The rest pose.
+        poses: The pose being solved.
+        diagonal: The object's diagonal [scene unit], the unit of a residual.
+        norm: What a residual costs; the paper's is the plain square.
+    """
     first, second = anchors.edges.unbind(dim=1)
     if len(first) == 0:
         return poses.translations.sum() * 0.0
     rest = anchors.positions[first] - anchors.positions[second]
     posed = rest + poses.translations[first] - poses.translations[second]
     rotated = quaternions.rotate(poses.quats_wxyz[first], rest)
-    residuals = ((rotated - posed) / diagonal).square().sum(dim=1)
-    return (anchors.edge_weights * residuals).mean()
+    squared = ((rotated - posed) / diagonal).square().sum(dim=1)
+    return (anchors.edge_weights * norm.cost(squared)).mean()
 
 
-def rotation_smoothness_loss(anchors: Anchors, poses: AnchorPoses) -> torch.Tensor:
-    """Let neighboring anchors turn alike: squared chordal distance of their rotations, |R_i - R_j|^2.
+def rotation_smoothness_loss(
+    anchors: Anchors, poses: AnchorPoses, *, norm: RobustNorm = SQUARES
+) -> torch.Tensor:
+    """Let neighboring anchors turn alike: chordal distance of their rotations, |R_i - R_j|.
 
-    Eq. 5 alone leaves a twist about an edge free. For unit quaternions |R_i - R_j|_F^2 = 8 (1 - (q_i . q_j)^2).
+    Eq. 5 alone leaves a twist about an edge free. For unit quaternions
+    |R_i - R_j|_F^2 = 8 (1 - (q_i . q_j)^2), which is 2 a^2 for a small angle a [rad].
+
+    Args:
+        anchors: The rest pose.
+        poses: The pose being solved.
+        norm: What a distance costs.
     """
     first, second = anchors.edges.unbind(dim=1)
     if len(first) == 0:
         return poses.quats_wxyz.sum() * 0.0
     cosines = (poses.quats_wxyz[first] * poses.quats_wxyz[second]).sum(dim=1)
-    return (anchors.edge_weights * 8.0 * (1.0 - cosines.square())).mean()
+    return (anchors.edge_weights * norm.cost(8.0 * (1.0 - cosines.square()))).mean()
 
 
 def rgb_loss(rgb: torch.Tensor, target_rgb: torch.Tensor, *, area_px: float) -> torch.Tensor:
@@ -139,16 +160,13 @@ def temporal_loss(
     return (moved + turned).mean()
 
 
-def rest_loss(poses: AnchorPoses, *, diagonal: float, reach: float) -> torch.Tensor:
+def rest_loss(poses: AnchorPoses, *, diagonal: float, norm: RobustNorm) -> torch.Tensor:
     """Keep what has hardly moved where it was captured: one image says little along its rays.
 
     Args:
         poses: The pose being solved.
         diagonal: The object's diagonal [scene unit].
-        reach: Motion from rest [diagonals] at which the pull lets go (Geman-McClure norm).
-
-    Returns:
-        Mean of s / (1 + s / reach^2) over the anchors, s the squared motion [diagonals^2].
+        norm: What a motion [diagonals] costs; a robust one lets go of what clearly moved.
     """
     squared = (poses.translations / diagonal).square().sum(dim=1)
-    return (squared / (1.0 + squared / reach**2)).mean()
+    return norm.cost(squared).mean()

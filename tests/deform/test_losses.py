@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from animator import quaternions
 from animator.deform import losses
+from animator.deform.robust_norm import RobustNorm
 from animator.types import AnchorPoses, Anchors
 
 
@@ -147,7 +148,7 @@ def test_rest_loss_lets_go_of_what_clearly_moved():
         shifts = torch.zeros(5, 3)
         shifts[:, 2] = distance
         moved = dataclasses.replace(rest, translations=shifts)
-        return float(losses.rest_loss(moved, diagonal=2.0, reach=0.03))
+        return float(losses.rest_loss(moved, diagonal=2.0, norm=RobustNorm(reach=0.03)))
 
     assert pull(0.002) == pytest.approx(0.001**2, rel=0.01)
     assert pull(0.06) == pytest.approx(0.03**2 / 2, rel=1e-3)
