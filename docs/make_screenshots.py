@@ -3,26 +3,23 @@
 Needs what `pytest -m tools` needs.
 
 Usage:
-    python docs/make_screenshots.py out/clip.splatimate.npz docs
+    python -m docs.make_screenshots out/clip.splatimate.npz docs
 """
 
 import argparse
 import json
-import sys
 import tempfile
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
 from exporters import load_clip
 from exporters.clip import Clip
 from exporters.options import ExportOptions
 from exporters.registry import export_clip
 from tests.tools.browser import screenshot
-from tests.tools.playing import BLENDER_FPS, run_blender
+from tests.tools.playing import run_blender
 
 SHARES = (0.0, 0.5, 1.0)
 """Moments that Blender draws, of the clip's length."""
@@ -58,7 +55,7 @@ def draw_in_blender(clip: Clip, work: Path, picture_path: Path) -> None:
     export_clip(clip, path, ExportOptions(mesh="surface", faces=60_000))
     columns = []
     for share in SHARES:
-        frame = round(share * float(clip.tracks.times_s[-1]) * BLENDER_FPS)
+        frame = round(share * float(clip.tracks.times_s[-1]) * clip.fps)
         settings = {"frame": frame, "width_px": 320, "height_px": 320, "samples": 32}
         out = work / f"{frame}.png"
         run_blender("blender_render.py", path, out, json.dumps({**settings, "turn_deg": 35.0}))

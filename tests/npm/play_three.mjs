@@ -1,7 +1,8 @@
-// Plays one .glb, .usda, .usdc or .usdz in three.js and writes where the skinned vertices are.
+// Plays one .glb, .usda, .usdc or .usdz in three.js and writes where its vertices are.
 //   node play_three.mjs FILE OUT_FOLDER TIMES_JSON
-// OUT_FOLDER receives NAME.f32 of each skinned mesh: its rest pose, then one pose a time, in the
-// world of three.js (Y-up, meters). Prints a JSON list of {name, vertices, colors, warnings}.
+// OUT_FOLDER receives NAME.f32 of each skinned mesh and each set of points (splats, for a loader
+// that does not know them): its rest pose, then one pose a time, in the world of three.js (Y-up,
+// meters). Prints JSON: a list of {name, vertices, is_skinned, has_colors}.
 import fs from "node:fs";
 import path from "node:path";
 import * as THREE from "three";
@@ -14,19 +15,18 @@ const buffer = bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byt
 
 async function load() {
   if (/\.gl(b|tf)$/.test(file)) {
-    const { scene, animations } = await new GLTFLoader().parseAsync(buffer, "");
-    return { scene, animations };
+    return new GLTFLoader().parseAsync(buffer, "");
   }
   const scene = new USDLoader().parse(file.endsWith(".usda") ? bytes.toString() : buffer);
-  return { scene, animations: scene.animations };
+  return { scenes: [scene], animations: scene.animations };
 }
 
-const { scene, animations } = await load();
-const root = new THREE.Scene().add(scene);
-const mixer = new THREE.AnimationMixer(scene);
+const { scenes, animations } = await load();
+const root = new THREE.Scene().add(...scenes);
+const mixer = new THREE.AnimationMixer(root);
 for (const animation of animations) mixer.clipAction(animation).play();
 const meshes = [];
-root.traverse((object) => object.isSkinnedMesh && meshes.push(object));
+root.traverse((object) => (object.isSkinnedMesh || object.isPoints) && meshes.push(object));
 
 const point = new THREE.Vector3();
 function positions(mesh, place) {
@@ -36,7 +36,7 @@ function positions(mesh, place) {
   return out;
 }
 const at_rest = (mesh, i) => point.fromBufferAttribute(mesh.geometry.attributes.position, i);
-const posed = (mesh, i) => mesh.getVertexPosition(i, point);
+const posed = (mesh, i) => (mesh.isSkinnedMesh ? mesh.getVertexPosition(i, point) : at_rest(mesh, i));
 
 root.updateMatrixWorld(true);
 const poses = new Map(meshes.map((mesh) => [mesh, [positions(mesh, at_rest)]]));
@@ -52,6 +52,7 @@ for (const [mesh, arrays] of poses) {
 const described = meshes.map((mesh) => ({
   name: mesh.name,
   vertices: mesh.geometry.attributes.position.count,
+  is_skinned: Boolean(mesh.isSkinnedMesh),
   has_colors: Boolean(mesh.geometry.attributes.color && mesh.material.vertexColors),
 }));
 process.stdout.write(JSON.stringify(described));

@@ -1,7 +1,7 @@
 """Blender as a Python module, in a virtual environment of its own: `python -m tests.tools.blender_env`.
 
-It wants another numpy than we do, and Python 3.11. It is made once (1 GB) in `.cache/` of the
-repository, or wherever SPLATIMATE_BLENDER_ENV says, and used by the tests marked `tools`.
+It wants another numpy than we do, and Python 3.11. It is made once (1 GB) in the user's cache folder,
+or wherever SPLATIMATE_BLENDER_ENV says, and used by the tests marked `tools`.
 """
 
 import contextlib
@@ -15,7 +15,6 @@ from pathlib import Path
 BPY = "bpy==5.0.1"
 NUMPY = "numpy==1.26.4"
 PYTHON = "python3.11"
-_DEFAULT_FOLDER = Path(__file__).parents[2] / ".cache" / "blender"
 
 
 class BlenderMissingError(RuntimeError):
@@ -28,7 +27,9 @@ def blender_python() -> Path:
     Raises:
         BlenderMissingError: If Python 3.11 or the package cannot be had.
     """
-    folder = Path(os.environ.get("SPLATIMATE_BLENDER_ENV", _DEFAULT_FOLDER))
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    default = cache / "splatimate" / BPY.replace("==", "-")
+    folder = Path(os.environ.get("SPLATIMATE_BLENDER_ENV", default))
     python = folder / "bin" / "python"
     if not python.exists():
         _make(folder)

@@ -2,8 +2,8 @@
 
     python blender_play.py FILE OUT.npz FRAMES_JSON
 
-The archive holds, for each mesh that an armature deforms, `NAME/rest`, shape (V, 3), and `NAME/posed`,
-shape (T, V, 3), in Blender's world (Z-up, meters), and `scene`, JSON about the rest of the import.
+The archive holds, for each mesh, `NAME/rest`, shape (V, 3), and `NAME/posed`, shape (T, V, 3), in
+Blender's world (Z-up, meters), and `scene`, JSON about the import.
 """
 
 import json
@@ -40,6 +40,11 @@ def describe_scene() -> dict:
         "objects": {thing.name: thing.type for thing in bpy.data.objects},
         "fps": scene.render.fps / scene.render.fps_base,
         "frame_end": scene.frame_end,
+        "skinned": [
+            thing.name
+            for thing in bpy.data.objects
+            if any(part.type == "ARMATURE" for part in thing.modifiers)
+        ],
         "materials": {
             thing.name: [slot.name for slot in thing.data.materials]
             for thing in bpy.data.objects
@@ -51,11 +56,7 @@ def describe_scene() -> dict:
 def main(path: str, out: str, frames_json: str) -> None:
     import_file(path)
     bpy.context.view_layer.update()
-    meshes = [
-        thing
-        for thing in bpy.data.objects
-        if thing.type == "MESH" and any(part.type == "ARMATURE" for part in thing.modifiers)
-    ]
+    meshes = [thing for thing in bpy.data.objects if thing.type == "MESH"]
     saved = {f"{mesh.name}/posed": [] for mesh in meshes}
     for mesh in meshes:
         saved[f"{mesh.name}/rest"] = world_points(mesh.data, np.array(mesh.matrix_world))

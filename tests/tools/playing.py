@@ -36,6 +36,8 @@ class Played:
 
     meshes: dict[str, PlayedMesh]
     """The skinned meshes, by lower-case name."""
+    points: dict[str, PlayedMesh]
+    """What has vertices but no skin: splats, in tools that do not know them."""
     scene: dict
     """What else the tool said about the import; differs by tool."""
 
@@ -58,13 +60,13 @@ def play_in_blender(path: Path, times_s: Sequence[float], *, fps: float) -> Play
         archive = np.load(out)
         scene = json.loads(str(archive["scene"]))
         names = {key.rpartition("/")[0] for key in archive.files if "/" in key}
-        meshes = {
-            name.lower(): PlayedMesh(
+        played = {
+            name: PlayedMesh(
                 rest=_y_up(archive[f"{name}/rest"]), posed=_y_up(archive[f"{name}/posed"])
             )
             for name in names
         }
-    return Played(meshes=meshes, scene=scene)
+    return _sorted_out(played, set(scene["skinned"]), scene)
 
 
 def run_blender(script: str, *arguments: object) -> str:
@@ -86,12 +88,21 @@ def play_in_three(path: Path, times_s: Sequence[float]) -> Played:
         described = json.loads(
             run_script("play_three.mjs", path, folder, json.dumps([float(t) for t in times_s]))
         )
-        meshes = {}
+        played = {}
         for mesh in described:
             values = np.fromfile(Path(folder) / f"{mesh['name']}.f32", np.float32)
             poses = values.reshape(len(times_s) + 1, mesh["vertices"], 3)
-            meshes[mesh["name"].lower()] = PlayedMesh(rest=poses[0], posed=poses[1:])
-    return Played(meshes=meshes, scene={"meshes": described})
+            played[mesh["name"]] = PlayedMesh(rest=poses[0], posed=poses[1:])
+    skinned = {mesh["name"] for mesh in described if mesh["is_skinned"]}
+    return _sorted_out(played, skinned, {"meshes": described})
+
+
+def _sorted_out(played: dict[str, PlayedMesh], skinned: set[str], scene: dict) -> Played:
+    return Played(
+        meshes={name.lower(): mesh for name, mesh in played.items() if name in skinned},
+        points={name: mesh for name, mesh in played.items() if name not in skinned},
+        scene=scene,
+    )
 
 
 def _y_up(points: np.ndarray) -> np.ndarray:

@@ -46,5 +46,7 @@ def check(clip: Clip, path: Path, options: ExportOptions) -> None:
 def test_colors_of_the_vertices_survive_in_gltf(tmp_path: Path) -> None:
     path = tmp_path / "hinge.glb"
     export_clip(clips.hinge(), path)
-    (mesh,) = play_in_three(path, [0.0]).scene["meshes"]
-    assert mesh["has_colors"]
+    has_colors = {
+        mesh["name"]: mesh["has_colors"] for mesh in play_in_three(path, [0.0]).scene["meshes"]
+    }
+    assert has_colors == {"carrier": True, "rest_splats": True}
