@@ -76,8 +76,7 @@ def solve_matches(
         The solved pose.
     """
     solver = _Solver(problem, previous, config)
-    rotations = Rotation.from_quat(_numpy(start.quats_wxyz), scalar_first=True).as_matrix()
-    translations = _numpy(start.translations)
+    rotations, translations = _motions(start)
     for _ in range(config.iterations):
         step = solver.step(rotations, translations).reshape(-1, 6)
         largest_turn = float(np.abs(step[:, :3]).max(initial=0.0))
@@ -92,6 +91,22 @@ def solve_matches(
         quats_wxyz=torch.as_tensor(quats_wxyz, dtype=torch.float32),
         translations=torch.as_tensor(translations, dtype=torch.float32),
     )
+
+
+def information_at(
+    problem: MatchProblem, poses: AnchorPoses, config: MatchSolverConfig
+) -> np.ndarray:
+    """Return the normal matrix of the energy at a pose, tethered to that pose, shape (6 A, 6 A).
+
+    The sum of J^T J over all terms. The unknowns of an anchor are a turn [rad], then a shift [scene unit].
+    """
+    return _Solver(problem, poses, config).normal_equations(*_motions(poses))[0]
+
+
+def _motions(poses: AnchorPoses) -> tuple[np.ndarray, np.ndarray]:
+    """Return rotation matrices, shape (A, 3, 3), and translations, shape (A, 3)."""
+    rotations = Rotation.from_quat(_numpy(poses.quats_wxyz), scalar_first=True).as_matrix()
+    return rotations, _numpy(poses.translations)
 
 
 def _numpy(tensor: torch.Tensor) -> np.ndarray:
@@ -120,13 +135,22 @@ class _Solver:
         self.edge_weights = _numpy(anchors.edge_weights)
         self.skin_ids = anchors.skin_ids.cpu().numpy().astype(np.int64)
         self.skin_weights = _numpy(anchors.skin_weights)
-        self.previous_rotations = Rotation.from_quat(
-            _numpy(previous.quats_wxyz), scalar_first=True
-        ).as_matrix()
-        self.previous_translations = _numpy(previous.translations)
+        self.previous_rotations, self.previous_translations = _motions(previous)
 
     def step(self, rotations: np.ndarray, translations: np.ndarray) -> np.ndarray:
         """Return the update (rotation vector, translation) of every anchor, flattened, shape (6 A,)."""
+        normal, gradient = self.normal_equations(rotations, translations)
+        diagonal = np.einsum("ii->i", normal)
+        diagonal += self.config.damping * np.maximum(diagonal, 1e-12) + 1e-12
+        # torch's Cholesky, because OpenBLAS threads stall for seconds on a busy machine.
+        factor = torch.linalg.cholesky(torch.from_numpy(normal))
+        solution = torch.cholesky_solve(torch.from_numpy(-gradient)[:, None], factor)
+        return solution[:, 0].numpy()
+
+    def normal_equations(
+        self, rotations: np.ndarray, translations: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the sums of J^T J and of J^T r over all terms, shapes (6 A, 6 A) and (6 A,)."""
         unknowns = 6 * len(self.anchor_positions)
         normal = np.zeros((unknowns, unknowns))
         gradient = np.zeros(unknowns)
@@ -136,12 +160,7 @@ class _Solver:
             normal += (jacobian.T @ jacobian).toarray()
             gradient += jacobian.T @ residuals
         self._add_tether(normal, gradient, rotations, translations)
-        diagonal = np.einsum("ii->i", normal)
-        diagonal += self.config.damping * np.maximum(diagonal, 1e-12) + 1e-12
-        # torch's Cholesky, because OpenBLAS threads stall for seconds on a busy machine.
-        factor = torch.linalg.cholesky(torch.from_numpy(normal))
-        solution = torch.cholesky_solve(torch.from_numpy(-gradient)[:, None], factor)
-        return solution[:, 0].numpy()
+        return normal, gradient
 
     def _matches(
         self,
