@@ -17,7 +17,7 @@ from exporters.surface.pieces import near_others, object_length, without_strays
 CELLS_ALONG = 256
 """Cells along the diagonal of the object: some ten triangles for each of the default budget."""
 
-CELLS_PER_SIGMA = 4
+CELLS_PER_SIGMA = 8
 """Cells along the middle axis of a typical Gaussian that are enough, however few it leaves."""
 
 FAINTEST = 0.02
@@ -62,9 +62,11 @@ def control_mesh(clip: Clip, face_count: int) -> SkinnedMesh:
         )
     seen = seen[near_others(ellipsoids.chosen(seen))]
     ellipsoids = ellipsoids.chosen(seen)
-    positions, triangles = _surface(ellipsoids, face_count)
+    grid = _grid_around(ellipsoids)
+    positions, triangles = _surface(ellipsoids, grid, face_count)
     normals = _normals(positions, triangles)
-    nearby = look_at(positions, normals, ellipsoids)
+    # Wider by a cell, since the surface lies that far above the thinnest disks.
+    nearby = look_at(positions, normals, ellipsoids.widened(grid.pitch))
     joint_ids, weights = nearby.blended_skin(clip.skin.joint_ids[seen], clip.skin.weights[seen])
     joint_ids, weights = normalized_influences(joint_ids, weights)
     colors = nearby.blend(base_colors_linear(clip.splats)[seen])
@@ -81,11 +83,10 @@ def control_mesh(clip: Clip, face_count: int) -> SkinnedMesh:
     )
 
 
-def _surface(ellipsoids: Ellipsoids, face_count: int) -> tuple[np.ndarray, np.ndarray]:
+def _surface(ellipsoids: Ellipsoids, grid: Grid, face_count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return vertices and triangles of the closed level set, at most `face_count` of them."""
     from skimage.measure import marching_cubes
 
-    grid = _grid_around(ellipsoids)
     field = grid.absorption(ellipsoids.widened(BLUR_CELLS * grid.pitch), FAINTEST)
     level = matching_level(field, ellipsoids, grid)
     field = without_strays(field, level, ellipsoids, grid)

@@ -11,8 +11,8 @@ LEAST_SHARE = 0.001
 _LEAST_GAUSSIANS = 4  # ... or fewer than that many, where a share of the whole means nothing
 _LEAST_OF_LARGEST = 0.05  # ... which in turn means nothing where all pieces are that small
 
-_CLUSTER_CELLS = 50
-"""Gaussians farther apart than this part of the object's size are not neighbors."""
+_NEIGHBOR_SHARE, _NEIGHBOR_SIGMAS = 0.05, 4.0
+"""Gaussians within this share of the object's length, or so many typical sigmas, are neighbors."""
 
 _SOLID_OPACITY = 0.1  # the size of the object is that of the Gaussians above, if there are any
 
@@ -36,7 +36,10 @@ def near_others(ellipsoids: Ellipsoids) -> np.ndarray:
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import KDTree
 
-    cell = object_length(ellipsoids) / _CLUSTER_CELLS
+    sigmas = np.sqrt(np.einsum("nii->ni", ellipsoids.covariances).max(axis=1))
+    cell = max(
+        _NEIGHBOR_SHARE * object_length(ellipsoids), _NEIGHBOR_SIGMAS * float(np.median(sigmas))
+    )
     lattice, owners = np.unique(
         np.floor(ellipsoids.centers / cell).astype(np.int64), axis=0, return_inverse=True
     )
