@@ -50,7 +50,8 @@ def write_usd_cache(
     clip = adapt(clip, options)
     with writing_stage(clip, path) as stage:
         root_path = str(define_root(stage, clip, "Xform").GetPath())
-        define_camera(stage, clip, f"{root_path}/Camera", bounds.swept_extent(clip))
+        if clip.camera is not None:
+            define_camera(stage, clip, f"{root_path}/Camera", bounds.swept_extent(clip))
         extent = write_splats(stage, clip, f"{root_path}/{SPLATS_NAME}", options, progress)
         # Viewers need not read the whole motion to frame it.
         root = UsdGeom.ModelAPI.Apply(stage.GetPrimAtPath(root_path))

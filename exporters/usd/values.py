@@ -39,7 +39,7 @@ def half_vectors(rows: np.ndarray) -> Vt.Vec3hArray:
 def xyzw(quats_wxyz: np.ndarray, dtype: type) -> np.ndarray:
     """Return quaternions as USD lays them out in memory, shape (M, 4)."""
     rows = np.empty(quats_wxyz.shape, dtype)
-    rows[:, :3] = quats_wxyz[:, 1:]
+    rows.reshape(-1)[:-1] = quats_wxyz.reshape(-1)[1:]  # all but the last column, in one long copy
     rows[:, 3] = quats_wxyz[:, 0]
     return rows
 
