@@ -46,23 +46,22 @@ def unit_quaternions(
     )
 
 
-def continuous_signs(place: str, quats: np.ndarray) -> Iterator[Problem]:
-    """No quaternion is on the far side of its predecessor.
+def continuous_signs(place: str, before: np.ndarray, after: np.ndarray) -> Iterator[Problem]:
+    """No quaternion is on the far side of the one a key before.
 
     q and -q are one rotation, but a tool that mixes the numbers would turn the long way.
 
     Args:
-        place: Where they are.
-        quats: In either order, time first, shape (T, ..., 4).
+        place: Where the later ones are.
+        before: In either order, shape (M, 4).
+        after: The same quaternions a key later, shape (M, 4).
     """
-    quats = quats.astype(np.float32, copy=False)
-    cosines = np.einsum("...i,...i->...", quats[1:], quats[:-1])
-    jumps = cosines < -SIGN_TOLERANCE
+    before, after = before.astype(np.float32, copy=False), after.astype(np.float32, copy=False)
     yield from count_bad(
         place,
-        jumps.any(axis=tuple(range(1, jumps.ndim))),
-        expected="each quaternion on the side of the key before",
-        what="keys after which signs jump",
+        np.einsum("...i,...i->...", before, after) < -SIGN_TOLERANCE,
+        expected="quaternions on the side of those a key before",
+        what="whose sign jumps",
     )
 
 

@@ -26,6 +26,9 @@ REQUIRED = (
     *ROTATIONS,
 )
 
+SMALLEST_SQUARE = 1e-12
+"""Squared length of a quaternion below which its direction is noise."""
+
 _MAGIC = ("ply", "format binary_little_endian 1.0")
 _FRAME_NAME = re.compile(r"(?P<prefix>.*?)(?P<number>\d+)\.ply", re.IGNORECASE | re.DOTALL)
 
@@ -47,7 +50,9 @@ def check_ply(path: Path) -> Iterator[Problem]:
     header, problems = read_header(path.name, path)
     yield from problems
     if header is not None:
-        yield from row_problems(path.name, header, _rows(path, header))
+        rows = _rows(path, header)
+        yield from finite_rows(path.name, header, rows)
+        yield from rotation_problems(path.name, _rotations(header, rows))
 
 
 def check_sequence(folder: Path) -> Iterator[Problem]:
@@ -66,7 +71,7 @@ def check_sequence(folder: Path) -> Iterator[Problem]:
             rotations = None
             continue
         rows = _rows(path, header)
-        yield from row_problems(path.name, header, rows)
+        yield from finite_rows(path.name, header, rows)
         first = first or header
         if (header.count, header.columns) != (first.count, first.columns):
             yield Problem(
@@ -76,11 +81,10 @@ def check_sequence(folder: Path) -> Iterator[Problem]:
             )
             rotations = None
             continue
-        previous, rotations = rotations, _columns(header, rows, ROTATIONS)
-        if previous is not None and rotations is not None:
-            yield from numbers.continuous_signs(
-                f"{path.name}: rot_0..3", np.stack([previous, rotations])
-            )
+        previous, rotations = rotations, _rotations(header, rows)
+        yield from rotation_problems(path.name, rotations)
+        if previous is not None:
+            yield from numbers.continuous_signs(f"{path.name}: rot_0..3", previous, rotations)
 
 
 def read_header(place: str, path: Path) -> tuple[PlyHeader | None, list[Problem]]:
@@ -142,8 +146,14 @@ def column_problems(place: str, columns: tuple[str, ...]) -> Iterator[Problem]:
         )
 
 
-def row_problems(place: str, header: PlyHeader, rows: np.ndarray) -> Iterator[Problem]:
-    """Every number is finite, and every rotation can be normalized, as readers of PLY do."""
+def finite_rows(place: str, header: PlyHeader, rows: np.ndarray) -> Iterator[Problem]:
+    """Every number is finite.
+
+    Args:
+        place: Which file.
+        header: Of the file.
+        rows: Shape (N, columns).
+    """
     is_bad = ~np.isfinite(rows)
     if is_bad.any():
         row, column = np.unravel_index(int(np.argmax(is_bad)), is_bad.shape)
@@ -152,14 +162,21 @@ def row_problems(place: str, header: PlyHeader, rows: np.ndarray) -> Iterator[Pr
             expected="finite numbers",
             found=f"{np.count_nonzero(is_bad)} numbers in the file that are not",
         )
-    rotations = _columns(header, rows, ROTATIONS)
-    if rotations is not None:
-        yield from count_bad(
-            f"{place}: rot_0..3",
-            np.einsum("ni,ni->n", rotations, rotations) < 1e-12,
-            expected="rotations that can be normalized",
-            what="Gaussians whose quaternion is zero",
-        )
+
+
+def rotation_problems(place: str, quats_wxyz: np.ndarray) -> Iterator[Problem]:
+    """Every rotation can be normalized, as every reader of INRIA's layout does.
+
+    Args:
+        place: Which file.
+        quats_wxyz: Shape (N, 4).
+    """
+    yield from count_bad(
+        f"{place}: rot_0..3",
+        np.einsum("ni,ni->n", quats_wxyz, quats_wxyz) < SMALLEST_SQUARE,
+        expected="rotations that can be normalized",
+        what="Gaussians whose quaternion is zero",
+    )
 
 
 def numbering(names: list[str]) -> Iterator[Problem]:
@@ -194,8 +211,8 @@ def _rows(path: Path, header: PlyHeader) -> np.ndarray:
     return np.memmap(path, dtype="<f4", mode="r", offset=header.size_bytes, shape=shape)
 
 
-def _columns(header: PlyHeader, rows: np.ndarray, names: tuple[str, ...]) -> np.ndarray | None:
-    """Return some columns in memory, None if one is missing."""
-    if not set(names) <= set(header.columns):
-        return None
-    return np.array(rows[:, [header.columns.index(name) for name in names]])
+def _rotations(header: PlyHeader, rows: np.ndarray) -> np.ndarray:
+    """Return the quaternions in memory, wxyz, shape (N, 4); no rows if a column is missing."""
+    if not set(ROTATIONS) <= set(header.columns):
+        return np.zeros((0, 4), np.float32)
+    return np.stack([rows[:, header.columns.index(name)] for name in ROTATIONS], axis=1)

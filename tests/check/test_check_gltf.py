@@ -325,8 +325,8 @@ EDITS: dict[str, tuple[Callable[[GlbFile], object], str]] = {
     ),
     "sign jump": (
         output("rotation", lambda keys: keys[2:].__imul__(np.float32(-1))),
-        "/animations/0/samplers/{rotation}/output: expected each quaternion on the side of the key "
-        "before, found 1 keys after which signs jump (first at 1)",
+        "/animations/0/samplers/{rotation}/output: expected quaternions on the side of those a "
+        "key before, found 1 whose sign jumps (first at 1)",
     ),
     "dropped key": (
         member(sampler_index("translation", "output"), count=3),

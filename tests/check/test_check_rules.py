@@ -27,16 +27,14 @@ def test_a_number_that_is_not_finite_is_said_once() -> None:
     nan = np.array([[np.nan, 0, 0, 1], [0, 0, 0, 1]], np.float32)
     assert len([*numbers.finite("q", nan)]) == 1
     assert [*numbers.unit_quaternions("q", nan)] == []
-    assert [*numbers.continuous_signs("q", nan)] == []
+    assert [*numbers.continuous_signs("q", nan, nan)] == []
     assert [*gaussians.linear_scales("s", nan[:1, :1])] == []
 
 
 def test_half_a_turn_is_no_jump_and_a_sign_is() -> None:
-    half_turn = np.array([[1, 0, 0, 0], [-1e-8, 1, 0, 0]])
-    assert [*numbers.continuous_signs("q", half_turn)] == []
-    flipped = np.array([[[1, 0, 0, 0]], [[0.9, 0.1, 0, 0]], [[-0.9, -0.1, 0, 0]]])
-    assert found(numbers.continuous_signs("q", flipped)) == [
-        "1 keys after which signs jump (first at 1)"
+    quats = np.array([[1, 0, 0, 0], [-1e-8, 1, 0, 0], [0, 0.9, 0.1, 0], [0, -0.9, -0.1, 0]])
+    assert found(numbers.continuous_signs("q", quats[:-1], quats[1:])) == [
+        "1 whose sign jumps (first at 2)"
     ]
 
 

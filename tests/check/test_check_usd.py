@@ -182,7 +182,7 @@ RIG_EDITS: dict[str, tuple[Edit, str]] = {
     ),
     "sign jump": (
         attribute(ANIM, "rotations", lambda quats: -quats, sample=1),
-        f"{ANIM}.rotations at 2: expected each quaternion on the side of the key before, found 1 keys",
+        f"{ANIM}.rotations at 2: expected quaternions on the side of those a key before, found 5",
     ),
     "camera rotation": (
         lambda stage: stage.GetAttributeAtPath("/random/Camera.xformOp:orient").Set(
@@ -401,7 +401,7 @@ CACHE_EDITS: dict[str, tuple[Edit, str]] = {
     ),
     "sign jump": (
         attribute(SPLATS, "orientations", lambda quats: -quats, sample=2),
-        f"{SPLATS}.orientations at 2: expected each quaternion on the side of the key before",
+        f"{SPLATS}.orientations at 2: expected quaternions on the side of those a key before",
     ),
     "not finite": (
         attribute(SPLATS, "positions", put((4, 2), np.inf), sample=1),

@@ -118,4 +118,4 @@ def rotation_problems(place: str, quats_xyzw: np.ndarray, is_float: bool) -> Ite
     """
     tolerance = numbers.UNIT_TOLERANCE if is_float else _QUANTIZED_TOLERANCE
     yield from numbers.unit_quaternions(place, quats_xyzw, tolerance)
-    yield from numbers.continuous_signs(place, quats_xyzw)
+    yield from numbers.continuous_signs(place, quats_xyzw[:-1], quats_xyzw[1:])

@@ -37,8 +37,8 @@ def value_problems(stage: Usd.Stage) -> Iterator[Problem]:
             if values is not None and is_quaternion(value):
                 problems += numbers.unit_quaternions(place(attribute, time), values)
                 if previous is not None and previous.shape == values.shape:
-                    pair = np.stack([previous, values])
-                    problems += numbers.continuous_signs(place(attribute, time), pair)
+                    where = place(attribute, time)
+                    problems += numbers.continuous_signs(where, previous, values)
                 previous = values
             yield from problems
             if problems:

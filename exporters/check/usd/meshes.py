@@ -7,7 +7,7 @@ from pxr import Usd, UsdGeom
 
 from exporters.check import gaussians
 from exporters.check.problem import Problem, count_bad
-from exporters.check.usd.values import place, rows, sample_times
+from exporters.check.usd.values import first_rows, place, rows, sample_times
 
 
 def mesh_problems(stage: Usd.Stage) -> Iterator[Problem]:
@@ -16,13 +16,13 @@ def mesh_problems(stage: Usd.Stage) -> Iterator[Problem]:
         if not prim.IsA(UsdGeom.Mesh):
             continue
         mesh = UsdGeom.Mesh(prim)
-        points = _first_rows(mesh.GetPointsAttr())
+        points = first_rows(mesh.GetPointsAttr())
         if len(points) == 0:
             where = place(mesh.GetPointsAttr())
             yield Problem(place=where, expected="points", found="none")
             continue
-        counts = _first_rows(mesh.GetFaceVertexCountsAttr())
-        indices = _first_rows(mesh.GetFaceVertexIndicesAttr())
+        counts = first_rows(mesh.GetFaceVertexCountsAttr())
+        indices = first_rows(mesh.GetFaceVertexIndicesAttr())
         if len(counts) == 0 or len(indices) == 0:
             yield Problem(place=str(prim.GetPath()), expected="faces", found="none")
             continue
@@ -41,7 +41,7 @@ def mesh_problems(stage: Usd.Stage) -> Iterator[Problem]:
             yield from primvar_problems(primvar, sizes)
         normals = mesh.GetNormalsAttr()
         if normals.HasAuthoredValue():
-            found = len(_first_rows(normals))
+            found = len(first_rows(normals))
             expected = sizes[mesh.GetNormalsInterpolation()]
             if found != expected:
                 yield Problem(place=place(normals), expected=f"{expected} values", found=str(found))
@@ -111,11 +111,7 @@ def primvar_problems(primvar: UsdGeom.Primvar, sizes: dict[str, int]) -> Iterato
         found = f"elementSize {size}, interpolation {interpolation}"
         yield Problem(place=place(attribute), expected="elementSize >= 1", found=found)
         return
-    expected, found = sizes[interpolation] * size, len(_first_rows(attribute))
+    expected, found = sizes[interpolation] * size, len(first_rows(attribute))
     if found != expected:
         described = f"{expected} values ({interpolation}, {size} each)"
         yield Problem(place=place(attribute), expected=described, found=str(found))
-
-
-def _first_rows(attribute: Usd.Attribute) -> np.ndarray:
-    return rows(attribute, sample_times([attribute])[0])

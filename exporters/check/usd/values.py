@@ -38,6 +38,11 @@ def rows(attribute: Usd.Attribute, time: Usd.TimeCode | None = None) -> np.ndarr
     return np.zeros(0) if value is None else np.asarray(value)
 
 
+def first_rows(attribute: Usd.Attribute) -> np.ndarray:
+    """Return the array of an attribute at its first sample, or its only value."""
+    return rows(attribute, sample_times([attribute])[0])
+
+
 def place(attribute: Usd.Attribute, time: Usd.TimeCode | None = None) -> str:
     """Return where a value lies: `/Lamp/Skel.joints`, or `/Lamp/Splats.positions at 12`."""
     where = f"{attribute.GetPrim().GetPath()}.{attribute.GetName()}"
