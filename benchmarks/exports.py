@@ -24,7 +24,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))  # for the readers of the tests
 
 from benchmarks import peers
-from benchmarks.reporting import environment, particle_field, table
+from benchmarks.reporting import environment, open_particle_field, write_head, write_row
 from benchmarks.synthetic import FPS, synthetic_clip
 from exporters import ExportOptions, export_clip, save_clip
 from exporters.clip import Clip
@@ -97,9 +97,11 @@ def cache_error(clip: Clip, path: Path) -> float:
         files = sorted(path.iterdir())
         found = {code: _ply_centers(files[code], len(clip.splats)) for code in (0, len(files) - 1)}
     else:
-        attribute = particle_field(path).GetPositionsAttr()
+        stage, field = open_particle_field(path)
+        attribute = field.GetPositionsAttr()
         codes = attribute.GetTimeSamples()
         found = {code: np.array(attribute.Get(code)) for code in (codes[0], codes[-1])}
+        del stage
     return max(
         float(np.linalg.norm(found[code] - clip.pose_at(code / FPS).positions, axis=1).max())
         for code in found
@@ -135,7 +137,7 @@ def report_formats(folder: Path, pairs: int) -> None:
     clip = synthetic_clip(gaussians=100_000, frames=120, joints=200)
     busy = synthetic_clip(gaussians=100_000, frames=240, joints=300)
     exact, loose = ExportOptions(), ExportOptions(tolerance=1e-3)
-    rows = [("100k Gaussians x 120 frames, 200 joints", "MB", "s", "CPU s", "x raw", "error")]
+    write_head("100k Gaussians x 120 frames, 200 joints", "MB", "s", "CPU s", "x raw", "error")
     for label, subject, name, options in (
         ("PLY sequence", clip, "clip_gaussians", exact),
         ("USD cache", clip, "clip_gaussians.usdc", exact),
@@ -151,28 +153,24 @@ def report_formats(folder: Path, pairs: int) -> None:
         found = measure(subject, target, options, pairs)
         is_cache = "_gaussians" in name
         error = (cache_error if is_cache else skin_error)(subject, target)
-        rows.append(
-            (
-                label,
-                f"{found.size_mb:.1f}",
-                f"{found.wall_s:.2f}",
-                f"{found.cpu_s:.2f}",
-                f"{found.raw_ratio:.2f}",
-                f"{error:.1e}",
-            )
+        write_row(
+            label,
+            f"{found.size_mb:.1f}",
+            f"{found.wall_s:.2f}",
+            f"{found.cpu_s:.2f}",
+            f"{found.raw_ratio:.2f}",
+            f"{error:.1e}",
         )
-    sys.stdout.write(table(rows))
 
 
 def report_memory(folder: Path) -> None:
     """Print the peak memory of the cache for a short and a long clip."""
-    rows = [("frames of the USD cache", "peak MB above the loaded clip")]
+    write_head("frames of the USD cache", "peak MB above the loaded clip")
     for frames in (30, 240):
         clip_path = folder / f"frames_{frames}.splatimate.npz"
         save_clip(synthetic_clip(gaussians=100_000, frames=frames, joints=200), clip_path)
         peak = peak_memory_mb(clip_path, folder / f"frames_{frames}_gaussians.usdc")
-        rows.append((str(frames), f"{peak:.0f}"))
-    sys.stdout.write(table(rows))
+        write_row(str(frames), f"{peak:.0f}")
 
 
 def main() -> None:
@@ -190,7 +188,8 @@ def main() -> None:
             report_formats(folder, given.pairs)
             report_memory(folder)
         if given.peers or given.only_peers:
-            peers.report_peers(folder, min(given.pairs, 3))
+            peers.report_nvidia(folder, min(given.pairs, 3))
+            peers.report_fourdgs(folder, 1)
 
 
 if __name__ == "__main__":

@@ -1,17 +1,24 @@
 """What the benchmarks of the exporters share: Markdown, fresh processes, reading splats back."""
 
 import os
+import sys
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[1]
 
 
-def table(rows: list[tuple[str, ...]]) -> str:
-    """Return a Markdown table; the first row is its head."""
-    lines = ["| " + " | ".join(row) + " |" for row in rows]
-    lines.insert(1, "|" + "---|" * len(rows[0]))
-    return "\n".join(lines) + "\n\n"
+def write_row(*cells: str) -> None:
+    """Write one row of a Markdown table, at once: the next one may take minutes."""
+    sys.stdout.write("| " + " | ".join(cells) + " |\n")
+    sys.stdout.flush()
+
+
+def write_head(*cells: str) -> None:
+    """Write the head of a Markdown table."""
+    sys.stdout.write("\n")
+    write_row(*cells)
+    write_row(*["---"] * len(cells))
 
 
 def environment() -> dict[str, str]:
@@ -19,12 +26,10 @@ def environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(ROOT)}
 
 
-def particle_field(path: Path) -> Any:
-    """Return the only particle field of a stage."""
+def open_particle_field(path: Path) -> tuple[Any, Any]:
+    """Return a stage, which must outlive it, and its only particle field."""
     from pxr import Usd, UsdVol
 
     stage = Usd.Stage.Open(str(path))
     (prim,) = [p for p in stage.Traverse() if p.IsA(UsdVol.ParticleField3DGaussianSplat)]
-    field = UsdVol.ParticleField3DGaussianSplat(prim)
-    field.stage = stage  # keeps it open
-    return field
+    return stage, UsdVol.ParticleField3DGaussianSplat(prim)
