@@ -63,7 +63,8 @@ function frame(object) {
 }
 
 function seek(time_s) {
-  asset.mixer.setTime(time_s);
+  // Just short of the end, where a repeating animation starts again.
+  asset.mixer.setTime(Math.min(time_s, asset.length_s * (1 - 1e-6)));
   page.time.value = time_s;
   page.clock.textContent = `${time_s.toFixed(2)} s`;
 }
@@ -87,14 +88,14 @@ function fail(error) {
   say(`${error.message ?? error}`);
 }
 
+function fillWindow() {
+  eye.aspect = innerWidth / innerHeight;
+  renderer.setPixelRatio(devicePixelRatio);
+  renderer.setSize(innerWidth, innerHeight);
+}
+
 let last_ms = null;
 function draw(now_ms) {
-  const { innerWidth: width, innerHeight: height } = window;
-  if (eye.aspect !== width / height || renderer.domElement.width !== width * devicePixelRatio) {
-    eye.aspect = width / height;
-    renderer.setPixelRatio(devicePixelRatio);
-    renderer.setSize(width, height);
-  }
   if (asset) {
     const step_s = last_ms === null ? 0 : (now_ms - last_ms) / 1000;
     if (isPlaying && asset.length_s) seek((asset.mixer.time + step_s) % asset.length_s);
@@ -111,6 +112,7 @@ page.play.onclick = () => (isPlaying = !isPlaying);
 page.time.oninput = () => ((isPlaying = false), seek(page.time.valueAsNumber));
 page.scene.onchange = () => show(asset.scenes[page.scene.selectedIndex]);
 page.filmed.onclick = () => ((isFilmedView = !isFilmedView), isFilmedView || frame(asset.scenes[0]));
+addEventListener("resize", fillWindow);
 addEventListener("keydown", (event) => event.key === " " && (event.preventDefault(), page.play.click()));
 addEventListener("dragover", (event) => event.preventDefault());
 addEventListener("drop", (event) => {
@@ -121,6 +123,7 @@ addEventListener("drop", (event) => {
 
 await renderer.init();
 document.body.prepend(renderer.domElement);
+fillWindow();
 renderer.setAnimationLoop(draw);
 const file = query.get("file");
 if (file) await open(file, file.split("/").pop()).catch(fail);

@@ -40,7 +40,7 @@ def shown(lamp: Clip, options: ExportOptions, folder: Path, **query: object) -> 
     )
 
 
-@pytest.mark.parametrize(("mesh", "least_db"), [("quads", 20.0), ("surface", 20.0)])
+@pytest.mark.parametrize(("mesh", "least_db"), [("quads", 20.0), ("surface", 24.0)])
 def test_the_page_shows_the_mesh_at_its_time(
     mesh: str, least_db: float, lamp: Clip, tmp_path: Path
 ) -> None:
