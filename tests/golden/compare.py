@@ -20,13 +20,21 @@ FLOAT = Tolerance(relative=1e-5, absolute=1e-6)
 HALF = Tolerance(relative=1e-3, absolute=1e-3)
 """For values stored in 16 bits, which keep three digits."""
 
-HALF_TYPES = ("half", "quath", "point3h", "normal3h", "color3h")
+ROUGH = Tolerance(relative=0.05, absolute=0.05)
+"""For figures of a surface, which another processor may triangulate a little differently."""
+
+_TOLERANCES = {
+    **dict.fromkeys(("half", "quath", "point3h", "normal3h", "color3h"), HALF),
+    "rough": ROUGH,
+}
+"""By the beginning of a mapping's `type`."""
 
 
 def differences(expected: Json, found: Json) -> list[str]:
     """Return every difference, each with its path, e.g. `/nodes/door/rotation[2]: expected ...`.
 
-    A mapping with a `type` of USD's 16-bit types is compared with that precision.
+    A mapping with a `type` of USD's 16-bit types is compared with that precision, one of type
+    `rough` roughly.
     """
     return _compare("", expected, found, FLOAT)
 
@@ -49,8 +57,9 @@ def _compare(path: str, expected: object, found: object, tolerance: Tolerance) -
             f"got {type(found).__name__} {_short(found)}"
         ]
     if isinstance(expected, dict):
-        if str(expected.get("type", "")).startswith(HALF_TYPES):
-            tolerance = HALF
+        for start, own in _TOLERANCES.items():
+            if str(expected.get("type", "")).startswith(start):
+                tolerance = own
         return [
             line
             for key in sorted(expected.keys() | found.keys())

@@ -33,9 +33,9 @@ def dump(path: Path, moments_s: list[float]) -> dict:
         "nodes": {node["name"]: _node(file, node) for node in document["nodes"]},
         "meshes": {
             mesh["name"]: [_primitive(file, primitive) for primitive in mesh["primitives"]]
-            for mesh in document["meshes"]
+            for mesh in document.get("meshes", [])
         },
-        "materials": document["materials"],
+        "materials": document.get("materials", []),
         "skins": {skin["name"]: _skin(file, skin) for skin in document["skins"]},
         "cameras": document.get("cameras", []),
         "animations": [_animation(file, each) for each in document.get("animations", [])],

@@ -26,6 +26,40 @@ def plain(value: object) -> Json:
     raise TypeError(f"no plain form for {type(value)}: {value!r}")
 
 
+def outline(described: dict, *, most: int = 64) -> dict:
+    """Return the same with a few figures in place of every list of more than `most` numbers.
+
+    The `type` says that all its floats are compared roughly.
+    """
+    return {key: _outlined(value, most) for key, value in described.items()} | {"type": "rough"}
+
+
+def _outlined(value: Json, most: int) -> Json:
+    if isinstance(value, dict):
+        outlined = {key: _outlined(item, most) for key, item in value.items()}
+        if isinstance(value.get("values"), list) and isinstance(outlined["values"], dict):
+            # A glTF accessor's own count and bounds are as rough as its numbers.
+            outlined = {k: v for k, v in outlined.items() if k not in ("count", "min", "max")}
+        return outlined
+    if not isinstance(value, list):
+        return value
+    array = np.array(value) if _is_numeric(value) else np.zeros(0)
+    if array.size <= most:
+        return [_outlined(item, most) for item in value]
+    rows = array.reshape(len(array), -1).astype(float)
+    figures = {"count": float(len(rows)), "max": rows.max(axis=0)}
+    if array.dtype.kind == "f":  # indices may be in another order
+        figures |= {"mean": rows.mean(axis=0), "min": rows.min(axis=0)}
+    return plain(figures)
+
+
+def _is_numeric(value: list) -> bool:
+    try:
+        return np.array(value).dtype.kind in "if"
+    except ValueError:
+        return False
+
+
 def fix_signs(quats: np.ndarray) -> np.ndarray:
     """Give each quaternion the sign that makes its largest component positive, shape (..., 4).
 
