@@ -82,10 +82,13 @@ class Grid:
             low, steps = self._spans(middles - halves, middles + halves, axis=-1)
             lines, along = _cells_of_boxes(low[:, None], steps[:, None])
             peaks = ellipsoids.opacities[owners] * np.exp(-0.5 * distances[is_met])
-            rows = np.ravel_multi_index(tuple(across.T), self.shape[:-1]) * self.shape[-1]
+            rows = np.asarray(np.ravel_multi_index(tuple(across.T), self.shape[:-1]))
+            rows = rows * self.shape[-1]
             from_middle = along[:, 0] - middles[lines]
             alphas = peaks[lines] * np.exp(-0.5 * curvature[lines] * from_middle**2)
-            yield rows[lines] + along[:, 0], -np.log1p(-np.minimum(alphas, MOST_OPAQUE))
+            absorptions = -np.log1p(-np.minimum(alphas, MOST_OPAQUE))
+            # Of the type of the sum, since numpy adds unlike types far more slowly.
+            yield rows[lines] + along[:, 0], absorptions.astype(np.float32)
 
     def _spans(
         self, low: np.ndarray, high: np.ndarray, axis: int | slice = slice(None)

@@ -62,16 +62,18 @@ def without_strays(
         ellipsoids: The Gaussians that made it.
         grid: The cells.
     """
-    from scipy import ndimage
+    from skimage import measure
 
     # A ring of empty cells makes everything outside one piece.
-    outside, _ = ndimage.label(np.pad(field < level, 1, constant_values=True))
+    outside = measure.label(np.pad(field < level, 1, constant_values=True), connectivity=1)
     is_hollow = (outside != outside[0, 0, 0])[1:-1, 1:-1, 1:-1] & (field < level)
     field = np.where(is_hollow, np.float32(2 * level), field)
 
-    piece, piece_count = ndimage.label(field >= level, structure=np.ones((3, 3, 3)))
+    piece = measure.label(field >= level, connectivity=3)
     holder = piece[grid.nearest(ellipsoids.centers)]
-    masses = np.bincount(holder, weights=ellipsoids.opacities, minlength=piece_count + 1)
+    masses = np.bincount(
+        holder, weights=ellipsoids.opacities * (holder > 0), minlength=int(piece.max()) + 1
+    )
     is_kept = _is_real(masses, ellipsoids)
     is_kept[0] = True  # what lies outside stays as it is, for the surface to lie between cells
     return np.where(is_kept[piece], field, np.float32(0))

@@ -46,6 +46,16 @@ def surface(clip: Clip) -> SkinnedMesh:
     return mesh
 
 
+@pytest.fixture(scope="module")
+def folder(clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """`<mesh>.glb` and `<mesh>.usdc` for every choice."""
+    folder = tmp_path_factory.mktemp("meshes")
+    for mesh in MESHES:
+        write_gltf(clip, folder / f"{mesh}.glb", options_for(mesh))
+        write_usd_rig(clip, folder / f"{mesh}.usdc", options_for(mesh))
+    return folder
+
+
 def skinned(mesh: SkinnedMesh, clip: Clip, time_s: float) -> np.ndarray:
     """Linear blend skinning, vertex by vertex."""
     matrices = clip.joint_matrices_at(time_s) @ np.linalg.inv(clip.bind_matrices())
@@ -58,19 +68,17 @@ def skinned(mesh: SkinnedMesh, clip: Clip, time_s: float) -> np.ndarray:
 
 @pytest.mark.parametrize("time_s", [0.0, 0.4, 1.0])
 def test_gltf_plays_the_surface(
-    clip: Clip, surface: SkinnedMesh, time_s: float, tmp_path: Path
+    clip: Clip, surface: SkinnedMesh, folder: Path, time_s: float
 ) -> None:
-    write_gltf(clip, tmp_path / "clip.glb", options_for("surface"))
-    found = gltf_reader.read(tmp_path / "clip.glb").skinned_positions("surface", time_s)
+    found = gltf_reader.read(folder / "surface.glb").skinned_positions("surface", time_s)
     np.testing.assert_allclose(found, skinned(surface, clip, time_s), atol=1e-5)
 
 
 @pytest.mark.parametrize("time_s", [0.0, 0.4, 1.0])
 def test_usd_plays_the_surface(
-    clip: Clip, surface: SkinnedMesh, time_s: float, tmp_path: Path
+    clip: Clip, surface: SkinnedMesh, folder: Path, time_s: float
 ) -> None:
-    write_usd_rig(clip, tmp_path / "clip.usdc", options_for("both"))
-    stage = Usd.Stage.Open(str(tmp_path / "clip.usdc"))
+    stage = Usd.Stage.Open(str(folder / "both.usdc"))
     root = UsdSkel.Root(stage.GetDefaultPrim())
     cache = UsdSkel.Cache()
     cache.Populate(root, Usd.PrimDefaultPredicate)
@@ -97,33 +105,28 @@ def test_the_surface_moves_with_the_gaussians(clip: Clip, surface: SkinnedMesh) 
 
 
 @pytest.mark.parametrize("mesh", MESHES)
-def test_validators_find_nothing(clip: Clip, mesh: str, tmp_path: Path) -> None:
-    write_gltf(clip, tmp_path / "clip.glb", options_for(mesh))
-    issues = validators.gltf_issues(tmp_path / "clip.glb")
+def test_validators_find_nothing(folder: Path, mesh: str) -> None:
+    issues = validators.gltf_issues(folder / f"{mesh}.glb")
     # Without a mesh nothing uses the skin; it stays, since it marks the joints.
     unused = {("info", "UNUSED_OBJECT", "/skins/0")} if mesh == "none" else set()
     assert {(issue.severity, issue.code, issue.pointer) for issue in issues} == unused
-    write_usd_rig(clip, tmp_path / "clip.usda", options_for(mesh))
-    assert validators.usd_errors(tmp_path / "clip.usda") == []
+    assert validators.usd_errors(folder / f"{mesh}.usdc") == []
 
 
 @pytest.mark.parametrize("mesh", MESHES)
-def test_the_meshes_asked_for_are_written(clip: Clip, mesh: str, tmp_path: Path) -> None:
-    write_gltf(clip, tmp_path / "clip.glb", options_for(mesh))
-    document = gltf_reader.read(tmp_path / "clip.glb").json
+def test_the_meshes_asked_for_are_written(folder: Path, mesh: str) -> None:
+    document = gltf_reader.read(folder / f"{mesh}.glb").json
     assert [found["name"] for found in document.get("meshes", [])] == MESHES[mesh]
     assert {node["name"] for node in document["nodes"] if "skin" in node} == set(MESHES[mesh])
     assert len(document["skins"]) == 1
-    write_usd_rig(clip, tmp_path / "clip.usdc", options_for(mesh))
-    stage = Usd.Stage.Open(str(tmp_path / "clip.usdc"))
+    stage = Usd.Stage.Open(str(folder / f"{mesh}.usdc"))
     found = [prim.GetName() for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
     assert [name.lower() for name in found] == MESHES[mesh]
     assert stage.GetPrimAtPath("/solid/Skel/Anim")
 
 
-def test_a_closed_surface_is_opaque_and_smooth(clip: Clip, tmp_path: Path) -> None:
-    write_gltf(clip, tmp_path / "clip.glb", options_for("both"))
-    document = gltf_reader.read(tmp_path / "clip.glb").json
+def test_a_closed_surface_is_opaque_and_smooth(folder: Path) -> None:
+    document = gltf_reader.read(folder / "both.glb").json
     materials = {
         mesh["name"]: document["materials"][mesh["primitives"][0]["material"]]
         for mesh in document["meshes"]
@@ -131,17 +134,15 @@ def test_a_closed_surface_is_opaque_and_smooth(clip: Clip, tmp_path: Path) -> No
     assert materials["carrier"]["alphaMode"] == "MASK"
     assert materials["surface"].get("alphaMode", "OPAQUE") == "OPAQUE"
     assert not materials["surface"].get("doubleSided", False)
-    write_usd_rig(clip, tmp_path / "clip.usdc", options_for("surface"))
-    mesh = UsdGeom.Mesh(Usd.Stage.Open(str(tmp_path / "clip.usdc")).GetPrimAtPath("/solid/Surface"))
+    stage = Usd.Stage.Open(str(folder / "surface.usdc"))
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/solid/Surface"))
     assert mesh.GetNormalsInterpolation() == "vertex"
     assert len(mesh.GetNormalsAttr().Get()) == len(mesh.GetPointsAttr().Get())
     assert mesh.GetDoubleSidedAttr().Get() is False
     assert set(mesh.GetFaceVertexCountsAttr().Get()) == {3}
 
 
-def test_the_same_bytes_twice(clip: Clip, tmp_path: Path) -> None:
-    for write, suffix in ((write_gltf, "glb"), (write_usd_rig, "usdc")):
-        first, second = (tmp_path / folder / f"clip.{suffix}" for folder in "ab")
-        write(clip, first, options_for("surface"))
-        write(clip, second, options_for("surface"))
-        assert first.read_bytes() == second.read_bytes()
+def test_the_same_bytes_twice(clip: Clip, folder: Path, tmp_path: Path) -> None:
+    for write, name in ((write_gltf, "surface.glb"), (write_usd_rig, "surface.usdc")):
+        write(clip, tmp_path / name, options_for("surface"))
+        assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()

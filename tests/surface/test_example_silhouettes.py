@@ -1,8 +1,9 @@
 """The surface of the committed example against its drawn Gaussians: `pytest -m slow` on this file.
 
-Run with -s, it prints the agreement in each view.
+The log, shown with `--log-cli-level INFO`, has the agreement in each view.
 """
 
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +45,6 @@ def test_the_lamp_and_its_surface_have_one_silhouette() -> None:
             height_px=camera.height_px,
         )
         agreements.append(silhouettes.intersection_over_union(covered, drawn))
-    print(f"{len(mesh.faces)} triangles, IoU", np.round(agreements, 4))
+    logging.info("%d triangles, IoU %s", len(mesh.faces), np.round(agreements, 4))
     assert np.mean(agreements) >= 0.98
     assert np.min(agreements) >= 0.97
