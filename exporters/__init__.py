@@ -9,7 +9,7 @@
 The writers, and the packages they need, are imported when a file is written.
 """
 
-from exporters.clip import Clip, ClipCamera, Posed, Rig, Skin, Splats, Tracks
+from exporters.clip import Clip, ClipCamera, Posed, Rig, Skin, Splats, Tracks, Uncertainty
 from exporters.clip_io import load_clip, save_clip
 from exporters.errors import ClipError, WriteError
 from exporters.options import ExportOptions
@@ -29,6 +29,7 @@ __all__ = [
     "Skin",
     "Splats",
     "Tracks",
+    "Uncertainty",
     "WriteError",
     "export_clip",
     "load_clip",

@@ -147,6 +147,22 @@ class ClipCamera:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Uncertainty:
+    """How well the place of each joint was observed at each key: standard deviations.
+
+    Small where the frame showed the joint, large where its place is a guess; 0 for what is given.
+    """
+
+    along_ray: np.ndarray
+    """Along the viewing ray of the clip's camera [scene unit], >= 0, float32, shape (T, J)."""
+    across_ray: np.ndarray
+    """In a direction across that ray [scene unit], >= 0, float32, shape (T, J)."""
+
+    def __post_init__(self) -> None:
+        _freeze(self, along_ray=np.float32, across_ray=np.float32)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Posed:
     """The Gaussians at one moment."""
 
@@ -167,6 +183,7 @@ class Clip:
     skin: Skin
     tracks: Tracks
     camera: ClipCamera | None = None
+    uncertainty: Uncertainty | None = None
     fps: float = 24.0
     """Frames per second; key k lies at time code `times_s[k] * fps`."""
     up_axis: Literal["Y", "Z"] = "Y"

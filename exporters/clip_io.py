@@ -2,7 +2,8 @@
 
 The file is an ordinary `.npz` (a zip of `.npy` arrays): `numpy.load` reads it anywhere. The arrays
 are named by their place in the clip, `splats.positions`; `metadata` holds the rest as JSON in UTF-8
-bytes. A change of the layout raises `FORMAT_VERSION`.
+bytes. A change of the layout that an older program cannot do without raises `FORMAT_VERSION`; a part
+that it can leave out, as `uncertainty`, does not.
 """
 
 import dataclasses
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from exporters.atomic import replacing
-from exporters.clip import Clip, ClipCamera, Rig, Skin, Splats, Tracks
+from exporters.clip import Clip, ClipCamera, Rig, Skin, Splats, Tracks, Uncertainty
 from exporters.errors import ClipError
 from exporters.options import ExportOptions
 
@@ -25,7 +26,15 @@ FORMAT_VERSION = 1
 SUFFIX = ".splatimate.npz"
 
 _ZIP_EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time a zip can hold; any fixed one would do
-_PARTS = {"splats": Splats, "rig": Rig, "skin": Skin, "tracks": Tracks, "camera": ClipCamera}
+_PARTS = {
+    "splats": Splats,
+    "rig": Rig,
+    "skin": Skin,
+    "tracks": Tracks,
+    "camera": ClipCamera,
+    "uncertainty": Uncertainty,
+}
+_LATER_PARTS = {"uncertainty"}  # not named in the first files of this version
 _PLAIN_FIELDS = ("name", "fps", "up_axis", "meters_per_unit", "source_frames")
 
 
@@ -154,7 +163,7 @@ def _plain_number(value: object) -> int | float:
 def _assembled(metadata: dict[str, Any], arrays: dict[str, np.ndarray]) -> Clip:
     parts: dict[str, Any] = {}
     for part_name, part_type in _PARTS.items():
-        plain = metadata[part_name]
+        plain = metadata.get(part_name) if part_name in _LATER_PARTS else metadata[part_name]
         if plain is not None:
             prefix = f"{part_name}."
             of_part = {

@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 
 from exporters import harmonics, quaternions
-from exporters.clip import Clip, ClipCamera
+from exporters.clip import Clip, ClipCamera, Uncertainty
 
 UpAxis = Literal["Y", "Z"]
 
@@ -102,6 +102,13 @@ def _scaled(clip: Clip, factor: float) -> Clip:
         rig=dataclasses.replace(rig, rest_translations=rig.rest_translations * factor),
         tracks=dataclasses.replace(tracks, translations=tracks.translations * factor),
         camera=None if clip.camera is None else _scaled_camera(clip.camera, factor),
+        uncertainty=None if clip.uncertainty is None else _scaled_lengths(clip.uncertainty, factor),
+    )
+
+
+def _scaled_lengths(uncertainty: Uncertainty, factor: float) -> Uncertainty:
+    return Uncertainty(
+        along_ray=uncertainty.along_ray * factor, across_ray=uncertainty.across_ray * factor
     )
 
 

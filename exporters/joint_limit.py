@@ -8,7 +8,7 @@ import logging
 
 import numpy as np
 
-from exporters.clip import Clip, Rig, Skin, Tracks
+from exporters.clip import Clip, Rig, Skin, Tracks, Uncertainty
 
 MEASURED_KEYS = 64
 """Most keys, evenly spread, at which joints are compared and the error is measured."""
@@ -102,6 +102,11 @@ def _without(clip: Clip, removed: np.ndarray, targets: np.ndarray) -> Clip:
     new_ids = np.zeros(len(rig), np.int32)
     new_ids[kept] = np.arange(len(kept))
     parents = rig.parents[kept]
+    uncertainty = clip.uncertainty
+    if uncertainty is not None:
+        uncertainty = Uncertainty(
+            along_ray=uncertainty.along_ray[:, kept], across_ray=uncertainty.across_ray[:, kept]
+        )
     return dataclasses.replace(
         clip,
         rig=Rig(
@@ -117,6 +122,7 @@ def _without(clip: Clip, removed: np.ndarray, targets: np.ndarray) -> Clip:
             translations=tracks.translations[:, kept],
             quats_wxyz=tracks.quats_wxyz[:, kept],
         ),
+        uncertainty=uncertainty,
     )
 
 

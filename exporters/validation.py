@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
-from exporters.clip import Clip, ClipCamera, Rig, Skin, Splats, Tracks
+from exporters.clip import Clip, ClipCamera, Rig, Skin, Splats, Tracks, Uncertainty
 
 UNIT_TOLERANCE = 1e-4  # of a quaternion's norm: float32 input normalized by anyone passes
 WEIGHT_SUM_TOLERANCE = 1e-4
@@ -28,6 +28,8 @@ def find_problems(clip: Clip) -> list[str]:
     problems += _track_problems(clip.tracks)
     if clip.camera is not None:
         problems += _camera_problems(clip.camera)
+    if clip.uncertainty is not None:
+        problems += _uncertainty_problems(clip.uncertainty)
     return problems
 
 
@@ -78,6 +80,9 @@ def _shape_problems(clip: Clip) -> Iterator[str]:
         "tracks.translations": (tracks.translations, (key_count, joint_count, 3)),
         "tracks.quats_wxyz": (tracks.quats_wxyz, (key_count, joint_count, 4)),
     }
+    if clip.uncertainty is not None:
+        for field, array in vars(clip.uncertainty).items():
+            expected_shapes[f"uncertainty.{field}"] = (array, (key_count, joint_count))
     for name, (array, expected) in expected_shapes.items():
         if array.shape != expected:
             yield f"{name}: expected shape {expected}, got {array.shape}"
@@ -189,6 +194,12 @@ def _camera_problems(camera: ClipCamera) -> Iterator[str]:
     yield from _count_problems(
         "camera.cam_from_world", ~is_rigid, "poses that are not rigid; expected rotation | t"
     )
+
+
+def _uncertainty_problems(uncertainty: Uncertainty) -> Iterator[str]:
+    for field, array in vars(uncertainty).items():
+        yield from _finite_problems(f"uncertainty.{field}", array)
+        yield from _count_problems(f"uncertainty.{field}", array < 0, "standard deviations below 0")
 
 
 def _finite_problems(name: str, array: np.ndarray) -> Iterator[str]:

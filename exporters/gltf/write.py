@@ -91,7 +91,7 @@ def build_document(clip: Clip, options: ExportOptions) -> tuple[pygltflib.GLTF2,
     document = pygltflib.GLTF2(asset=pygltflib.Asset(generator=GENERATOR), scene=0)
     buffer = BinaryBuffer(document)
 
-    joint_nodes = add_joints(document, clip.rig)
+    joint_nodes = add_joints(document, clip.rig, clip.uncertainty)
     tracks = [_joint_tracks(clip, joint_nodes, options)]
     children = [joint_nodes[0]]
     if clip.camera is not None:

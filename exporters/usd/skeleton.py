@@ -10,6 +10,7 @@ from exporters.clip import Clip
 from exporters.key_reduction import find_kept_keys, with_keys
 from exporters.options import ExportOptions
 from exporters.usd import names, values
+from exporters.usd.uncertainty import add_uncertainty
 
 PORTABLE_JOINT_COUNT = 254
 """What every tool takes: Unreal and Spark index 256 joints by default, Scene Viewer takes 254."""
@@ -24,7 +25,8 @@ def define_skeleton(
 
     `restTransforms` are joint-local, `bindTransforms` in world space. `scales` are authored though
     all are one: without them Blender drops the animation without a word. A time sample holds all
-    joints, so with a tolerance only keys that no joint needs are left out.
+    joints, so with a tolerance only keys that no joint needs are left out. What is known of the
+    joints' uncertainty is beside the motion, see `exporters.usd.uncertainty`.
 
     Returns:
         The skeleton, bound to its animation.
@@ -52,9 +54,12 @@ def define_skeleton(
     rotations = animation.CreateRotationsAttr()
     kept = find_kept_keys(clip, options, shared=True)[:, 0]
     tracks = with_keys(clip.tracks, kept)
-    for key, code in enumerate(keyframes.key_codes(clip)[kept]):
+    codes = keyframes.key_codes(clip)[kept]
+    for key, code in enumerate(codes):
         translations.Set(values.vectors(tracks.translations[key]), float(code))
         rotations.Set(values.quats(tracks.quats_wxyz[key]), float(code))
+    if clip.uncertainty is not None:
+        add_uncertainty(animation.GetPrim(), clip.uncertainty, np.flatnonzero(kept), codes)
 
     binding = UsdSkel.BindingAPI.Apply(skeleton.GetPrim())
     binding.CreateAnimationSourceRel().SetTargets([animation.GetPath()])

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from exporters import quaternions
-from exporters.clip import Clip, ClipCamera, Rig, Skin, Splats, Tracks
+from exporters.clip import Clip, ClipCamera, Rig, Skin, Splats, Tracks, Uncertainty
 from exporters.keyframes import continue_signs
 
 SH_C0 = 0.28209479177387814
@@ -198,6 +198,15 @@ def random(
         camera=camera(moves_over_keys=keys),
         source_frames=tuple(int(code) for code in codes),
     )
+
+
+def observed(clip: Clip) -> Clip:
+    """Say how well each joint was observed: (key + 1) (joint + 1) hundredths along the ray, a fifth
+    of it across."""
+    keys, joints = np.indices(clip.tracks.quats_wxyz.shape[:2])
+    along_ray = 0.01 * (keys + 1) * (joints + 1)
+    uncertainty = Uncertainty(along_ray=along_ray, across_ray=along_ray / 5)
+    return dataclasses.replace(clip, uncertainty=uncertainty)
 
 
 def _random_turns(rng: np.random.Generator, shape: tuple[int, ...], spread: float) -> np.ndarray:
