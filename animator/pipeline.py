@@ -1,6 +1,6 @@
 """The whole method, one line a stage: read this file first.
 
-scene -> camera -> anchors -> frame-by-frame tracking -> in-betweens -> clip
+scene -> camera -> anchors -> frame-by-frame tracking -> smoothing -> in-betweens -> clip
 """
 
 import dataclasses
@@ -18,9 +18,17 @@ from animator.scene import Scene
 from animator.sequence.cameras import locate_cameras
 from animator.sequence.driver import ClipProblem, Driver, DriverConfig
 from animator.sequence.interpolation import InterpolationConfig, interpolate
+from animator.sequence.smoothing import SmoothingConfig, smooth_tracks
 from animator.sequence.solved_frame import SolvedFrame
 from animator.threads import same_bytes_on_any_threads
-from animator.types import AnchorPoses, Anchors, Camera, Gaussians, RigidGroups
+from animator.types import (
+    AnchorPoses,
+    Anchors,
+    AnchorUncertainty,
+    Camera,
+    Gaussians,
+    RigidGroups,
+)
 from exporters.clip import Clip
 
 
@@ -43,6 +51,7 @@ class FitConfig:
     seed: int = 0
     """Seed of every random choice."""
     driver: DriverConfig = dataclasses.field(default_factory=DriverConfig)
+    smoothing: SmoothingConfig = dataclasses.field(default_factory=SmoothingConfig)
     interpolation: InterpolationConfig = dataclasses.field(default_factory=InterpolationConfig)
 
 
@@ -97,6 +106,7 @@ def fit(
         follow_camera=config.moving_camera,
     )
     solved = _track(Driver(problem, config.driver), resume_from, on_frame)
+    solved = _smooth(solved, gaussians.diagonal, config.smoothing)
     groups = groups_of_anchors(solved[-1].groups, gaussians, anchors)
     keys = _keys(solved, scene, anchors, groups, labels.fps, config)
     clip = bake_clip(gaussians, anchors, groups, keys, labels)
@@ -123,6 +133,15 @@ def _track(
     return solved
 
 
+def _smooth(
+    solved: Sequence[SolvedFrame], diagonal: float, config: SmoothingConfig
+) -> list[SolvedFrame]:
+    tracks = smooth_tracks([frame.poses for frame in solved], diagonal, config)
+    return [
+        dataclasses.replace(frame, poses=poses) for frame, poses in zip(solved, tracks, strict=True)
+    ]
+
+
 def groups_of_anchors(groups: RigidGroups, gaussians: Gaussians, anchors: Anchors) -> RigidGroups:
     """Give each anchor the rigid group of its nearest Gaussian."""
     means = gaussians.means.detach().cpu().numpy()
@@ -139,15 +158,19 @@ def _keys(
     config: FitConfig,
 ) -> list[Key]:
     """Lay the solved frames and their in-betweens on the time line, one frame apart."""
-    moments: list[tuple[int, AnchorPoses, Camera]] = []
+    moments: list[tuple[int, AnchorPoses, Camera, AnchorUncertainty | None]] = []
     for index, frame in enumerate(solved):
         if index and config.inbetween:
             before = solved[index - 1]
             poses = (anchors, groups, before.poses, frame.poses)
             between = interpolate(*poses, config.inbetween, config.interpolation)
-            moments += [(-1, pose, before.camera) for pose in between]
-        moments.append((scene.frames.numbers[index], frame.poses, frame.camera))
+            known = None
+            if before.uncertainty is not None and frame.uncertainty is not None:
+                known = before.uncertainty.or_larger(frame.uncertainty)
+            moments += [(-1, pose, before.camera, known) for pose in between]
+        number = scene.frames.numbers[index]
+        moments.append((number, frame.poses, frame.camera, frame.uncertainty))
     return [
-        Key(time_s=time / fps, source_frame=number, poses=poses, camera=camera)
-        for time, (number, poses, camera) in enumerate(moments)
+        Key(time_s=k / fps, source_frame=number, poses=poses, camera=camera, uncertainty=known)
+        for k, (number, poses, camera, known) in enumerate(moments)
     ]

@@ -203,6 +203,23 @@ class AnchorPoses:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class AnchorUncertainty:
+    """How well one frame shows where each anchor is: standard deviations, large where it is a guess."""
+
+    along_ray: np.ndarray
+    """Along the viewing ray [scene unit], > 0, float32, shape (A,)."""
+    across_ray: np.ndarray
+    """In a direction across the viewing ray [scene unit], > 0, float32, shape (A,)."""
+
+    def or_larger(self, other: "AnchorUncertainty") -> "AnchorUncertainty":
+        """Return the larger of both, anchor by anchor: what is known of a moment between two frames."""
+        return AnchorUncertainty(
+            along_ray=np.maximum(self.along_ray, other.along_ray),
+            across_ray=np.maximum(self.across_ray, other.across_ray),
+        )
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class RigidGroups:
     """Rigid parts of the object."""
 

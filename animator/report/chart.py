@@ -19,6 +19,8 @@ class Chart:
     """One a frame; NaN leaves a gap."""
     labels: tuple[int, ...]
     """Frame numbers."""
+    upper: tuple[float, ...] = ()
+    """A second quantity on the same axis, drawn faintly, one a frame; none if empty."""
     low: float | None = None
     """Lower end of the axis, None for the smallest value."""
     high: float | None = None
@@ -30,10 +32,7 @@ class Chart:
 def chart_svg(chart: Chart) -> str:
     """Draw a chart; all text is escaped, nothing is referenced."""
     low, high = _limits(chart)
-    points = [
-        (_x(index, len(chart.values)), _y(value, low, high), value)
-        for index, value in enumerate(chart.values)
-    ]
+    points = _points(chart.values, low, high)
     parts = [
         f'<svg viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" '
         f'aria-label="{html.escape(chart.title, quote=True)}">'
@@ -47,9 +46,10 @@ def chart_svg(chart: Chart) -> str:
         parts.append(
             f'<line class="threshold" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y}" y2="{y}"/>'
         )
-    for stretch in _stretches(points):
-        path = " ".join(f"{x},{y}" for x, y, _ in stretch)
-        parts.append(f'<polyline points="{path}"/>')
+    for kind, line in (("upper", _points(chart.upper, low, high)), ("main", points)):
+        for stretch in _stretches(line):
+            path = " ".join(f"{x},{y}" for x, y, _ in stretch)
+            parts.append(f'<polyline class="{kind}" points="{path}"/>')
     for (x, y, value), label in zip(points, chart.labels, strict=True):
         if math.isfinite(value):
             title = f"<title>frame {label}: {value:.4g}</title>"
@@ -65,9 +65,16 @@ def chart_svg(chart: Chart) -> str:
     return "".join(parts)
 
 
+def _points(values: Sequence[float], low: float, high: float) -> list[tuple[float, float, float]]:
+    """Place values in the picture: x, y, value."""
+    return [
+        (_x(index, len(values)), _y(value, low, high), value) for index, value in enumerate(values)
+    ]
+
+
 def _limits(chart: Chart) -> tuple[float, float]:
     """Return the ends of the axis, apart from each other."""
-    finite = [value for value in chart.values if math.isfinite(value)] or [0.0]
+    finite = [value for value in (*chart.values, *chart.upper) if math.isfinite(value)] or [0.0]
     low = min(finite) if chart.low is None else chart.low
     high = max(finite) if chart.high is None else chart.high
     return (low, high) if high - low > 1e-9 else (low, low + 1.0)

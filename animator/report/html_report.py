@@ -25,7 +25,7 @@ figure { margin: 0; } figcaption { font-weight: 600; }
 svg { width: 100%; height: auto; } svg text { font-size: 11px; fill: currentColor; opacity: .75; }
 svg .grid { stroke: var(--line); } svg .threshold { stroke: #b3412f; stroke-dasharray: 5 4; }
 svg polyline { fill: none; stroke: var(--accent); stroke-width: 2; }
-svg circle { fill: var(--accent); }
+svg circle { fill: var(--accent); } svg .upper { opacity: .4; }
 img { max-width: 100%; border-radius: 6px; }
 .scroll { overflow-x: auto; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; }
@@ -37,7 +37,8 @@ details > summary { cursor: pointer; font-weight: 600; margin: 12px 0 6px; }
 
 _COLUMNS = (
     "frame", "matches", "reprojection px", "PSNR dB", "silhouette IoU", "rigid residual %",
-    "skin error %", "unseen %", "never seen %", "groups", "start", "seconds",
+    "skin error %", "unseen %", "never seen %", "± along ray %", "± across %", "groups", "start",
+    "seconds",
 )  # fmt: skip
 
 _EXPLANATIONS = (
@@ -54,6 +55,12 @@ _EXPLANATIONS = (
         "opacity-weighted share of Gaussians hidden in this frame; never seen: hidden in all "
         "frames so far, so that their motion is extrapolated. What moves along the line of sight "
         "is not observed by one camera either.",
+    ),
+    (
+        "Uncertainty (±)",
+        "how well the matches of the frame determine where the anchors are, along the viewing ray "
+        "and across it: standard deviation in % of the diagonal, median and 95th percentile of the "
+        "anchors. Large where nothing was seen. It knows the noise of the matches, not mistakes.",
     ),
 )
 
@@ -147,6 +154,19 @@ def _charts(record: RunRecord) -> str:
             labels=numbers,
             low=0.0,
         ),
+        *(
+            Chart(
+                title=f"Uncertainty {direction} the ray, median and 95 % [% of the diagonal]",
+                values=tuple(spread.median for spread in spreads),
+                upper=tuple(spread.p95 for spread in spreads),
+                labels=numbers,
+                low=0.0,
+            )
+            for direction, spreads in (
+                ("along", [row.quality.uncertainty_along_percent for row in rows]),
+                ("across", [row.quality.uncertainty_across_percent for row in rows]),
+            )
+        ),
     )
     figures = "".join(
         f"<figure><figcaption>{html.escape(chart.title)}</figcaption>{chart_svg(chart)}</figure>"
@@ -176,6 +196,8 @@ def _cells(row: FrameRow) -> Iterable[str]:
         _number(quality.skin_error_percent, 5),
         _number(100 * quality.unseen_share, 0),
         _number(100 * quality.never_seen_share, 0),
+        _number(quality.uncertainty_along_percent.median, 2),
+        _number(quality.uncertainty_across_percent.median, 2),
         str(row.groups),
         html.escape(row.start),
         _number(sum(row.seconds.values()), 1),

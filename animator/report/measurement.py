@@ -113,6 +113,7 @@ def measure(fit: FinishedFit, frames: Frames, *, picture_count: int = 8) -> Iter
             skin_error_percent=100 * quality.largest_distance(skinned, means) / diagonal,
             unseen_share=quality.weighted_share(~is_seen, opacities),
             never_seen_share=quality.weighted_share(~ever_seen, opacities),
+            **_uncertainty(solved, diagonal),
         )
         pictures = None
         if index in with_pictures:
@@ -140,6 +141,16 @@ def _solved_times_s(clip: Clip, solved_count: int) -> np.ndarray:
     times_s = clip.tracks.times_s[is_solved] if len(is_solved) else clip.tracks.times_s
     assert len(times_s) == solved_count, "a clip has one key a solved frame"
     return times_s
+
+
+def _uncertainty(solved: SolvedFrame, diagonal: float) -> dict[str, quality.Spread]:
+    known = solved.uncertainty
+    if known is None:
+        return {}
+    return {
+        "uncertainty_along_percent": quality.Spread.of(100 * known.along_ray / diagonal),
+        "uncertainty_across_percent": quality.Spread.of(100 * known.across_ray / diagonal),
+    }
 
 
 def _draw(

@@ -1,6 +1,7 @@
 """Figures of merit of one frame, each one pure function on arrays."""
 
 import dataclasses
+import math
 
 import numpy as np
 
@@ -14,6 +15,27 @@ SEEN_SHARE = 0.1
 Gaussians of one surface overlap and share the light: on three scenes this value agrees best (89 to
 91 %) with lying in front of the rendered depth; 0.3 would call most of a visible surface unseen.
 """
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Spread:
+    """Many figures in two; NaN if there are none."""
+
+    median: float = math.nan
+    p95: float = math.nan
+    """Only a twentieth of the figures is larger."""
+
+    @classmethod
+    def of(cls, figures: np.ndarray) -> "Spread":
+        """Sum up figures of any shape."""
+        if not figures.size:
+            return cls()
+        median, p95 = np.percentile(figures, [50, 95])
+        return cls(median=float(median), p95=float(p95))
+
+
+UNKNOWN = Spread()
+"""Nothing was measured."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -32,6 +54,10 @@ class FrameQuality:
     """Opacity-weighted share of the Gaussians that this frame does not show, 0..1."""
     never_seen_share: float
     """The same of those that no frame up to this one shows: their motion is a guess, 0..1."""
+    uncertainty_along_percent: Spread = UNKNOWN
+    """Standard deviations of the anchors along the viewing ray [% of the diagonal]."""
+    uncertainty_across_percent: Spread = UNKNOWN
+    """The same in a direction across it."""
 
 
 def masked_psnr_db(first_rgb: np.ndarray, second_rgb: np.ndarray, mask: np.ndarray) -> float:

@@ -10,8 +10,15 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from animator.types import AnchorPoses, Anchors, Camera, Gaussians, RigidGroups
-from exporters.clip import Clip, ClipCamera, Rig, Skin, Splats, Tracks
+from animator.types import (
+    AnchorPoses,
+    Anchors,
+    AnchorUncertainty,
+    Camera,
+    Gaussians,
+    RigidGroups,
+)
+from exporters.clip import Clip, ClipCamera, Rig, Skin, Splats, Tracks, Uncertainty
 from exporters.keyframes import continue_signs
 
 
@@ -27,6 +34,8 @@ class Key:
     """The pose."""
     camera: Camera
     """The camera at that moment."""
+    uncertainty: AnchorUncertainty | None = None
+    """How well the anchors were observed then, None if it was not estimated."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -100,6 +109,7 @@ def bake_clip(
         up_axis="Z" if labels.up_axis == "Z" else "Y",
         meters_per_unit=labels.meters_per_unit,
         source_frames=tuple(key.source_frame for key in keys),
+        uncertainty=_bake_uncertainty([key.uncertainty for key in keys]),
     )
     clip.validate()
     return clip
@@ -120,4 +130,15 @@ def _bake_camera(cameras: Sequence[Camera]) -> ClipCamera:
         intrinsics=first.intrinsics,
         width_px=first.width_px,
         height_px=first.height_px,
+    )
+
+
+def _bake_uncertainty(of_keys: Sequence[AnchorUncertainty | None]) -> Uncertainty | None:
+    """Return what was estimated at all keys, None unless it was; the root stands still."""
+    known = [uncertainty for uncertainty in of_keys if uncertainty is not None]
+    if len(known) < len(of_keys):
+        return None
+    return Uncertainty(
+        along_ray=np.stack([np.append(np.float32(0), known_at.along_ray) for known_at in known]),
+        across_ray=np.stack([np.append(np.float32(0), known_at.across_ray) for known_at in known]),
     )

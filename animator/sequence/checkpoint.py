@@ -18,10 +18,10 @@ import torch
 
 from animator.errors import InputError
 from animator.sequence.solved_frame import FrameStats, SolvedFrame
-from animator.types import AnchorPoses, Camera, RigidGroups
+from animator.types import AnchorPoses, AnchorUncertainty, Camera, RigidGroups
 
 FORMAT_NAME = "splatimate-progress"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -68,6 +68,7 @@ def write_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
         "cam_from_world": np.stack([frame.camera.cam_from_world for frame in solved]),
         "intrinsics": np.stack([frame.camera.intrinsics for frame in solved]),
         "label_steps": _label_steps([frame.groups.labels for frame in solved]),
+        "deviations": np.stack([_deviations(frame) for frame in solved]),
     }
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         for name, array in arrays.items():
@@ -133,6 +134,7 @@ def _solved(
                 ),
                 groups=RigidGroups(labels=labels[index]),
                 stats=FrameStats(**stats),
+                uncertainty=_uncertainty(arrays["deviations"][index]),
             )
         )
     if not solved:
@@ -142,6 +144,20 @@ def _solved(
 
 def _camera_fields(camera: Camera) -> dict[str, Any]:
     return {"width_px": camera.width_px, "height_px": camera.height_px, "name": camera.name}
+
+
+def _deviations(frame: SolvedFrame) -> np.ndarray:
+    """Return along_ray and across_ray, float32, shape (2, A); NaN where they were not estimated."""
+    if frame.uncertainty is None:
+        return np.full((2, len(frame.poses.translations)), np.nan, np.float32)
+    return np.stack([frame.uncertainty.along_ray, frame.uncertainty.across_ray])
+
+
+def _uncertainty(deviations: np.ndarray) -> AnchorUncertainty | None:
+    if np.isnan(deviations).any():
+        return None
+    along_ray, across_ray = deviations
+    return AnchorUncertainty(along_ray=along_ray, across_ray=across_ray)
 
 
 def _label_steps(labels: Sequence[np.ndarray]) -> np.ndarray:

@@ -28,7 +28,15 @@ from animator.sequence.target import (
     silhouette_iou,
 )
 from animator.sequence.view_colors import ViewColors
-from animator.types import AnchorPoses, Anchors, Camera, Frames, Gaussians, RigidGroups
+from animator.types import (
+    AnchorPoses,
+    Anchors,
+    AnchorUncertainty,
+    Camera,
+    Frames,
+    Gaussians,
+    RigidGroups,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -99,7 +107,7 @@ class Driver:
         _, alpha = self._draw(self._problem.gaussians, rest.camera)
         overlap = silhouette_iou(alpha.cpu().numpy() > 0.5, self._views[0].alpha > 127)
         if overlap >= self._config.rest_overlap:
-            return rest
+            return dataclasses.replace(rest, uncertainty=self._rest_uncertainty(rest))
         logger.warning(
             "frame %s does not show the rest pose (silhouettes overlap by %.2f): it is solved too; "
             "if the object should be at rest there, check the camera and the masks",
@@ -151,6 +159,8 @@ class Driver:
         reprojection_px = float("nan")
         if matches is not None:
             reprojection_px = self._match_stage.reprojection_px(poses, matches, target.camera)
+        uncertainty = self._match_stage.uncertainty(poses, matches, target)
+        watch.lap("uncertainty")
         final_groups = groups.groups
         stats = FrameStats(
             matches=0 if matches is None else len(matches),
@@ -159,7 +169,20 @@ class Driver:
             groups=final_groups.count,
             seconds=watch.seconds,
         )
-        return SolvedFrame(poses=poses, camera=camera, groups=final_groups, stats=stats)
+        return SolvedFrame(
+            poses=poses, camera=camera, groups=final_groups, stats=stats, uncertainty=uncertainty
+        )
+
+    def _rest_uncertainty(self, rest: SolvedFrame) -> AnchorUncertainty:
+        """Estimate how well frame 0 shows that it is at rest."""
+        _, alpha = self._draw(self._problem.gaussians, rest.camera)
+        window = crop_window(self._views[0], alpha, rest.camera)
+        target = self._views[0].target(window, rest.camera, self._problem.renderer.device)
+        matches = None
+        if self._config.use_matches:
+            rng = np.random.default_rng((self._problem.seed, 0))
+            matches = self._match_stage.find(self._pair(0, rest, window), rest.poses, rng)
+        return self._match_stage.uncertainty(rest.poses, matches, target)
 
     def _choose_start(
         self, previous: AnchorPoses, matched: MatchedPose | None, target: FrameTarget

@@ -6,12 +6,13 @@ import numpy as np
 
 from animator.deform.gauss_newton import MatchProblem, MatchSolverConfig, solve_matches
 from animator.deform.image_solver import Draw, FrameTarget, ImageSolver
+from animator.deform.uncertainty import estimate_uncertainty
 from animator.match.lifting import lift_flow
 from animator.match.protocol import MaskedImage, Matcher
 from animator.render.protocol import Renderer
 from animator.sequence.stopwatch import Stopwatch
 from animator.sequence.target import masked_render
-from animator.types import AnchorPoses, Anchors, Camera, GaussianMatches
+from animator.types import AnchorPoses, Anchors, AnchorUncertainty, Camera, GaussianMatches
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -87,9 +88,9 @@ class MatchStage:
             The pose with its matches; None where too few matches were found.
         """
         config = self._config
-        first = self._lift(previous, pair.earlier_camera, pair.earlier, pair.frame, rng)
+        first = self.find(pair, previous, rng)
         watch.lap("match")
-        if len(first) < config.min_matches:
+        if first is None:
             return None
         poses = self._solve(target, ((first, 1.0),), previous, previous)
         watch.lap("match solver")
@@ -113,6 +114,27 @@ class MatchStage:
         means = self._image_solver.pose(poses).means.detach().cpu().numpy()
         projected, _ = camera.project(means[matches.gaussian_ids])
         return float(np.median(np.linalg.norm(projected - matches.target_px, axis=1)))
+
+    def find(
+        self, pair: FramePair, poses: AnchorPoses, rng: np.random.Generator
+    ) -> GaussianMatches | None:
+        """Match the earlier image, which shows the given pose; None where too few are found."""
+        found = self._lift(poses, pair.earlier_camera, pair.earlier, pair.frame, rng)
+        return found if len(found) >= self._config.min_matches else None
+
+    def uncertainty(
+        self, poses: AnchorPoses, matches: GaussianMatches | None, target: FrameTarget
+    ) -> AnchorUncertainty:
+        """Estimate how well the matches of a frame determine its final pose."""
+        residual_px = 0.0
+        if matches is not None:
+            # The length of a normal error in the plane has its median at 1.18 standard deviations.
+            median_px = self.reprojection_px(poses, matches, target.camera)
+            residual_px = median_px / np.sqrt(2.0 * np.log(2.0))
+        terms = () if matches is None else ((matches, 1.0),)
+        return estimate_uncertainty(
+            self._problem(target, terms), poses, self._config.solver, residual_px=residual_px
+        )
 
     def _lift(
         self,
@@ -139,7 +161,12 @@ class MatchStage:
         start: AnchorPoses,
         previous: AnchorPoses,
     ) -> AnchorPoses:
-        problem = MatchProblem(
+        return solve_matches(self._problem(target, terms), start, previous, self._config.solver)
+
+    def _problem(
+        self, target: FrameTarget, terms: tuple[tuple[GaussianMatches, float], ...]
+    ) -> MatchProblem:
+        return MatchProblem(
             anchors=self._anchors,
             rest_means=self._rest_means,
             camera=target.camera,
@@ -147,4 +174,3 @@ class MatchStage:
             diagonal=self._diagonal,
             object_px=target.object_px,
         )
-        return solve_matches(problem, start, previous, self._config.solver)

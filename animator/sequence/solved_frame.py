@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from animator.types import AnchorPoses, Camera, RigidGroups
+from animator.types import AnchorPoses, AnchorUncertainty, Camera, RigidGroups
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -33,3 +33,5 @@ class SolvedFrame:
     """The rigid parts known by then."""
     stats: FrameStats
     """How it went."""
+    uncertainty: AnchorUncertainty | None = None
+    """How well the frame shows where the anchors are; None if it was not estimated."""

@@ -13,7 +13,7 @@ from animator.sequence.checkpoint import (
     write_checkpoint,
 )
 from animator.sequence.solved_frame import FrameStats, SolvedFrame
-from animator.types import AnchorPoses, Camera, RigidGroups
+from animator.types import AnchorPoses, AnchorUncertainty, Camera, RigidGroups
 
 
 def solved_frame(seed: int, *, gaussians: int = 50, groups: int = 5) -> SolvedFrame:
@@ -37,6 +37,11 @@ def solved_frame(seed: int, *, gaussians: int = 50, groups: int = 5) -> SolvedFr
             start="previous",
             groups=groups,
             seconds={"match": 0.25, "image stage": rng.random()},
+        ),
+        uncertainty=None
+        if seed == 0
+        else AnchorUncertainty(
+            along_ray=rng.random(7, np.float32), across_ray=rng.random(7, np.float32)
         ),
     )
 
@@ -88,9 +93,9 @@ def test_a_newer_format_is_refused(tmp_path):
     write_checkpoint(checkpoint_of(1), path)
     with np.load(path) as archive:
         arrays = dict(archive)
-    metadata = arrays["metadata"].tobytes().replace(b'"version": 1', b'"version": 2')
+    metadata = arrays["metadata"].tobytes().replace(b'"version": 2', b'"version": 3')
     np.savez(path, **{**arrays, "metadata": np.frombuffer(metadata, np.uint8)})
-    with pytest.raises(InputError, match="splatimate-progress 2"):
+    with pytest.raises(InputError, match="splatimate-progress 3"):
         read_checkpoint(path)
 
 

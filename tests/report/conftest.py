@@ -1,10 +1,11 @@
 """A record whose texts try to break out of the page."""
 
+import dataclasses
 import math
 
 import pytest
 
-from animator.report.quality import FrameQuality
+from animator.report.quality import FrameQuality, Spread
 from animator.report.record import FrameRow, RunRecord, summarize
 
 EVIL = '<script src="https://evil.example/x.js">&"\'</script>'
@@ -32,7 +33,10 @@ def record() -> RunRecord:
             reprojection_px=1.5 if index else math.nan,
             start=EVIL,
             groups=index,
-            quality=quality_of(0.9 - 0.2 * index, 20.0 if index else math.nan),
+            quality=dataclasses.replace(
+                quality_of(0.9 - 0.2 * index, 20.0 if index else math.nan),
+                uncertainty_along_percent=Spread(median=0.5, p95=2.0) if index else Spread(),
+            ),
             seconds={"match": 0.5, "image stage": 1.25},
         )
         for index in range(3)

@@ -75,3 +75,9 @@ def test_weighted_share_by_hand():
     is_counted = np.array([True, False, True])
     assert quality.weighted_share(is_counted, np.array([0.1, 0.7, 0.2])) == pytest.approx(0.3)
     assert quality.weighted_share(is_counted, np.zeros(3)) == 0
+
+
+def test_the_spread_of_figures_by_hand():
+    spread = quality.Spread.of(np.arange(101.0))
+    assert (spread.median, spread.p95) == (50.0, 95.0)
+    assert np.isnan(quality.Spread.of(np.zeros(0)).median)

@@ -26,6 +26,8 @@ ROW_TYPES = {
     "skin_error_percent": float,
     "unseen_share": float,
     "never_seen_share": float,
+    "uncertainty_along_percent": dict,
+    "uncertainty_across_percent": dict,
     "seconds": dict,
 }
 DOCUMENT_TYPES = {
@@ -56,6 +58,8 @@ def test_json_has_the_promised_keys_and_types(record):
         for key, kind in ROW_TYPES.items():
             assert isinstance(row[key], kind), key
     assert document["frames"][0]["reprojection_px"] is None
+    spreads = [row["uncertainty_along_percent"] for row in document["frames"]]
+    assert spreads == [{"median": None, "p95": None}, *[{"median": 0.5, "p95": 2.0}] * 2]
     assert document["summary"]["is_good"] is True
 
 
@@ -150,6 +154,20 @@ def test_a_chart_breaks_its_line_where_values_are_missing():
     assert len(svg.findall("polyline")) == 2
     assert len(svg.findall("circle")) == 5
     assert svg.get("aria-label") == "a < b & c"
+
+
+def test_a_second_line_shares_the_axis_of_the_first():
+    svg = svg_of(1.0, 2.0, upper=(4.0, 8.0))
+    upper, main = svg.findall("polyline")
+    assert (upper.get("class"), main.get("class")) == ("upper", "main")
+    heights = [
+        float(pair.split(",")[1])
+        for pair in (upper.get("points") + " " + main.get("points")).split()
+    ]
+    # 8 is the top, 1 the bottom, and 4 and 2 lie three and one sevenths up.
+    top, bottom = heights[1], heights[2]
+    assert heights[0] == pytest.approx(bottom + (top - bottom) * 3 / 7, abs=0.1)
+    assert heights[3] == pytest.approx(bottom + (top - bottom) * 1 / 7, abs=0.1)
 
 
 def test_a_chart_puts_larger_values_higher():
