@@ -32,6 +32,13 @@ LAYOUTS: dict[str, tuple[str, ExportOptions]] = {
         f"rotated harmonics{end}": (end, ExportOptions(rotate_sh=True))
         for end in ("_gaussians", "_gaussians.usdc", "_gaussians.usda")
     },
+    "half rotations": ("_gaussians.usdc", ExportOptions(precision="half")),
+    "half rotations and harmonics": (
+        "_gaussians.usdc",
+        ExportOptions(precision="half", rotate_sh=True),
+    ),
+    "texture": (".usdc", ExportOptions(mesh="surface", faces=100, texture=True)),
+    "fewer joints": (".usdc", ExportOptions(joint_limit=3)),
     **{
         f"fewer keys{end}": (end, ExportOptions(tolerance=1e-3, tolerance_degrees=1.0))
         for end in (".usdc", ".glb")

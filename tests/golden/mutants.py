@@ -1,10 +1,9 @@
-"""Mistakes an exporter might make, to prove that the golden files would show them."""
+"""Clips as a mistaken exporter would understand them, to prove that the golden files show it."""
 
 import dataclasses
 from collections.abc import Callable
 
 import numpy as np
-import pytest
 
 from exporters.clip import Clip
 
@@ -120,6 +119,8 @@ CLIP_MUTANTS = {
             "usd": "/rotations/samples",
             "cache": "/orientations/samples",
             "ply": "/rows",
+            "gltf_parts": "/part",
+            "usd_sibling": "/orientations/samples",
         },
     ),
     "drop a key": Mutant(
@@ -129,6 +130,8 @@ CLIP_MUTANTS = {
             "usd": "/rotations/times",
             "cache": "/positions/samples",
             "ply": "/rows",
+            "gltf_parts": "/part",
+            "usd_sibling": "/Splats/attributes/positions/samples",
         },
     ),
     "shift a frame": Mutant(
@@ -138,6 +141,8 @@ CLIP_MUTANTS = {
             "usd": "/rotations/times",
             "cache": "/positions/times",
             "ply": ".ply: unexpected",
+            "gltf_parts": ".rotation/times_s",
+            "usd_sibling": "/Splats/attributes/positions/times",
         },
     ),
     "transpose the rotations": Mutant(
@@ -147,6 +152,8 @@ CLIP_MUTANTS = {
             "usd": "/rotations/samples",
             "cache": "/orientations/samples",
             "ply": "/rows",
+            "gltf_parts": "/part",
+            "usd_sibling": "/orientations/samples",
         },
     ),
     "scale a hundredfold": Mutant(
@@ -156,6 +163,8 @@ CLIP_MUTANTS = {
             "usd": "/points/default",
             "cache": "/positions/samples",
             "ply": "/rows",
+            "gltf_parts": "/POSITION/values",
+            "usd_sibling": "/Splats/attributes/positions/samples",
         },
     ),
     "swap two joints": Mutant(
@@ -165,6 +174,8 @@ CLIP_MUTANTS = {
             "usd": "/primvars:skel:jointIndices/default",
             "cache": "/positions/samples",
             "ply": "/rows",
+            "gltf_parts": "/part",
+            "usd_sibling": "/Splats/attributes/positions/samples",
         },
     ),
     "confuse log and linear scales": Mutant(
@@ -174,6 +185,8 @@ CLIP_MUTANTS = {
             "usd": "/points/default",
             "cache": "/scales/default",
             "ply": "/rows",
+            "gltf_parts": "/KHR_gaussian_splatting:SCALE/values",
+            "usd_sibling": "/scales/default",
         },
         moves=False,
     ),
@@ -184,6 +197,8 @@ CLIP_MUTANTS = {
             "usd": "/primvars:displayOpacity/default",
             "cache": "/opacities/default",
             "ply": "/rows",
+            "gltf_parts": "/KHR_gaussian_splatting:OPACITY/values",
+            "usd_sibling": "/opacities/default",
         },
         moves=False,
     ),
@@ -193,97 +208,30 @@ CLIP_MUTANTS = {
             "gltf": ":SH_DEGREE_1_COEF_0/values",
             "cache": "/radiance:sphericalHarmonicsCoefficients/default",
             "ply": "/rows",
+            "gltf_parts": ":SH_DEGREE_1_COEF_0/values",
+            "usd_sibling": "/radiance:sphericalHarmonicsCoefficients/default",
         },
         moves=False,
     ),
     "invert the camera": Mutant(
         breaks=invert_the_camera,
-        shows_at={"gltf": "/nodes/camera/translation", "usd": "/Camera/attributes/xformOp"},
+        shows_at={
+            "gltf": "/nodes/camera/translation",
+            "usd": "/Camera/attributes/xformOp",
+            "gltf_parts": "/nodes/camera/translation",
+            "usd_sibling": "/Camera/attributes/xformOp",
+        },
         moves=False,
     ),
     "flip a sign": Mutant(
         breaks=flip_a_sign,
-        shows_at={"gltf": ".rotation/sign_continuous", "usd": "/rotations/sign_continuous"},
+        shows_at={
+            "gltf": ".rotation/sign_continuous",
+            "usd": "/rotations/sign_continuous",
+            "gltf_parts": ".rotation/sign_continuous",
+            "usd_sibling": "/rotations/sign_continuous",
+        },
         moves=False,
     ),
 }
 """Mistakes in what is written: the clip itself is wrong."""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class ConversionMutant:
-    """A mistake in the one module of a format that changes conventions."""
-
-    patches: Callable[[pytest.MonkeyPatch], None]
-    """Puts the mistake in place of the conversion."""
-    form: str
-    """The format that is wrong then."""
-    shows_at: str
-    """Part of the path of at least one difference."""
-    case: str = "random"
-    """The golden clip that shows it."""
-
-
-def forget_gltf_quaternion_order(patch: pytest.MonkeyPatch) -> None:
-    from exporters.gltf import order
-
-    patch.setattr(order, "xyzw", lambda quats_wxyz: np.asarray(quats_wxyz, np.float32))
-
-
-def forget_gltf_matrix_order(patch: pytest.MonkeyPatch) -> None:
-    from exporters.gltf import order
-
-    patch.setattr(
-        order, "column_major", lambda matrices: matrices.astype(np.float32).reshape(-1, 16)
-    )
-
-
-def forget_gltf_axes_and_unit(patch: pytest.MonkeyPatch) -> None:
-    from exporters.gltf import write
-
-    patch.setattr(write, "adapt_to_gltf", lambda clip, options: clip)
-
-
-def forget_usd_quaternion_order(patch: pytest.MonkeyPatch) -> None:
-    from pxr import Vt
-
-    from exporters.usd import values
-
-    patch.setattr(
-        values, "quats", lambda quats_wxyz: Vt.QuatfArray.FromNumpy(quats_wxyz.astype(np.float32))
-    )
-
-
-def forget_usd_matrix_order(patch: pytest.MonkeyPatch) -> None:
-    from pxr import Vt
-
-    from exporters.usd import values
-
-    patch.setattr(
-        values,
-        "matrices",
-        lambda column: Vt.Matrix4dArray.FromNumpy(np.ascontiguousarray(column, np.float64)),
-    )
-
-
-CONVERSION_MUTANTS = {
-    "glTF quaternions as wxyz": ConversionMutant(
-        patches=forget_gltf_quaternion_order, form="gltf", shows_at="/rotation_xyzw"
-    ),
-    "glTF matrices as rows": ConversionMutant(
-        patches=forget_gltf_matrix_order, form="gltf", shows_at="/inverse_bind_matrices/values"
-    ),
-    "glTF in Z-up centimeters": ConversionMutant(
-        patches=forget_gltf_axes_and_unit,
-        form="gltf",
-        shows_at="/POSITION/values",
-        case="z_up_centimeters",
-    ),
-    "USD quaternions as wxyz": ConversionMutant(
-        patches=forget_usd_quaternion_order, form="usd", shows_at="/rotations/samples"
-    ),
-    "USD matrices as columns": ConversionMutant(
-        patches=forget_usd_matrix_order, form="usd", shows_at="/bindTransforms/default"
-    ),
-}
-"""Mistakes in a conversion: the clip is right, the file is not."""

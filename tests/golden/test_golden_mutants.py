@@ -1,4 +1,4 @@
-"""The nets hold: each mistake of `tests.golden.mutants` is caught, where it is made."""
+"""The nets hold: each mistake of the two lists of mutants is caught, where it is made."""
 
 import json
 from pathlib import Path
@@ -9,7 +9,8 @@ import pytest
 from exporters.clip import Clip
 from tests.golden.cases import CLIPS, FORMATS, golden_path
 from tests.golden.compare import differences
-from tests.golden.mutants import CLIP_MUTANTS, CONVERSION_MUTANTS
+from tests.golden.conversion_mutants import CONVERSION_MUTANTS
+from tests.golden.mutants import CLIP_MUTANTS
 from tests.helpers import playback
 
 CASE = "random"
@@ -66,7 +67,8 @@ def test_a_wrong_conversion_is_caught(
     clip = CLIPS[mutant.case]()
     lines = golden_differences(clip, mutant.case, mutant.form, tmp_path)
     assert any(mutant.shows_at in line for line in lines)
-    assert played_error(mutant.case, mutant.form, tmp_path) > 1e-5
+    if mutant.form in PLAYERS:
+        assert played_error(mutant.case, mutant.form, tmp_path) > 1e-5
 
 
 @pytest.mark.parametrize("form", PLAYERS)
