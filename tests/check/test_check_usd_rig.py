@@ -1,116 +1,34 @@
-"""Each rule for USD catches a file broken in that one way, and names the place."""
+"""Each rule for stages, skeletons, meshes and skins catches a USD rig broken in that one way."""
 
-import subprocess
-import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
+from pxr import Gf, UsdSkel
 
-from exporters import export_clip
 from exporters.check import check_file
-from exporters.check.usd import guarded
-from tests.helpers import clips
+from tests.check.usd_edits import (
+    ANIM,
+    JOINTS,
+    MESH,
+    SKEL,
+    Edit,
+    attribute,
+    good_usda,
+    joints,
+    late_start,
+    metadata,
+    other_type,
+    payload,
+    put,
+    repeat_joint,
+    said_of,
+    shorter,
+    texture,
+    without,
+)
 
-GAUSSIANS, JOINTS = 8, 5
-SKEL, ANIM, MESH, SPLATS = "/random/Skel", "/random/Skel/Anim", "/random/Carrier", "/random/Splats"
-
-
-@pytest.fixture(scope="module")
-def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("good")
-    clip = clips.random(gaussians=GAUSSIANS, joints=JOINTS, keys=4)
-    for name in ("clip.usda", "clip_gaussians.usda"):
-        export_clip(clip, folder / name)
-        assert check_file(folder / name, is_trusted=True) == ()
-    return folder
-
-
-Edit = Callable[[Usd.Stage], object]
-
-
-def attribute(
-    path: str, name: str, change: Callable[[np.ndarray], object], sample: int = 0
-) -> Edit:
-    """Change the numbers of an attribute, in one sample if it is animated.
-
-    `change` may work in place, or return other numbers.
-    """
-
-    def edit(stage: Usd.Stage) -> None:
-        found = stage.GetAttributeAtPath(f"{path}.{name}")
-        times = found.GetTimeSamples()
-        time = Usd.TimeCode(times[sample]) if times else Usd.TimeCode.Default()
-        value = found.Get(time)
-        values = np.array(value)
-        other = change(values)
-        values = values if other is None else other
-        found.Set(type(value).FromNumpy(np.ascontiguousarray(values)), time)
-
-    return edit
-
-
-def put(index: object, value: object) -> Callable[[np.ndarray], None]:
-    return lambda values: values.__setitem__(index, value)
-
-
-def shorter(values: np.ndarray) -> np.ndarray:
-    return values[:-1]
-
-
-def without(path: str, name: str) -> Edit:
-    """Take an opinion away, as if it had never been written."""
-    return lambda stage: stage.GetPrimAtPath(path).RemoveProperty(name)
-
-
-def joints(path: str, change: Callable[[list[str]], list[str]]) -> Edit:
-    def edit(stage: Usd.Stage) -> None:
-        found = stage.GetAttributeAtPath(f"{path}.joints")
-        found.Set(Vt.TokenArray(change(list(found.Get()))))
-
-    return edit
-
-
-def metadata(path: str, name: str, key: str, value: object) -> Edit:
-    return lambda stage: stage.GetAttributeAtPath(f"{path}.{name}").SetMetadata(key, value)
-
-
-def repeat_joint(stage: Usd.Stage) -> None:
-    attribute(MESH, "primvars:skel:jointIndices", put(slice(20, 24), [2, 2, 0, 0]))(stage)
-    attribute(MESH, "primvars:skel:jointWeights", put(slice(20, 24), [0.5, 0.5, 0, 0]))(stage)
-
-
-def payload(asset: str) -> Edit:
-    def edit(stage: Usd.Stage) -> None:
-        stage.DefinePrim("/random/More").GetPayloads().AddPayload(asset)
-
-    return edit
-
-
-def texture(stage: Usd.Stage) -> None:
-    prim = stage.GetPrimAtPath("/random")
-    prim.CreateAttribute("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath("gone.png"))
-
-
-def other_type(stage: Usd.Stage) -> None:
-    spec = stage.GetRootLayer().GetAttributeAtPath(f"{MESH}.points")
-    owner = spec.owner
-    owner.RemoveProperty(spec)
-    Sdf.AttributeSpec(owner, "points", Sdf.ValueTypeNames.FloatArray).default = Vt.FloatArray(96)
-
-
-def late_start(stage: Usd.Stage) -> None:
-    for prim in stage.Traverse():
-        for found in prim.GetAuthoredAttributes():
-            for time in reversed(found.GetTimeSamples()):
-                found.Set(found.Get(time), time + 1)
-                found.ClearAtTime(time)
-    stage.SetEndTimeCode(stage.GetEndTimeCode() + 1)
-
-
-RIG_EDITS: dict[str, tuple[Edit, str]] = {
+EDITS: dict[str, tuple[Edit, str]] = {
     # stage
     "no axis": (
         lambda stage: stage.ClearMetadata("upAxis"),
@@ -348,156 +266,18 @@ RIG_EDITS: dict[str, tuple[Edit, str]] = {
         "/random.extent at 0: expected a box around all points, found",
     ),
 }
-
-CACHE_EDITS: dict[str, tuple[Edit, str]] = {
-    "short orientations": (
-        attribute(SPLATS, "orientations", shorter, sample=2),
-        f"{SPLATS}.orientations at 2: expected 8 values, 1 for each of 8 Gaussians, found 7",
-    ),
-    "short scales": (
-        attribute(SPLATS, "scales", shorter),
-        f"{SPLATS}.scales at 0: expected 8 values, 1 for each of 8 Gaussians, found 7",
-    ),
-    "no opacities": (
-        without(SPLATS, "opacities"),
-        f"{SPLATS}.opacities at 0: expected 8 values, 1 for each of 8 Gaussians, found 0",
-    ),
-    "short harmonics": (
-        attribute(SPLATS, "radiance:sphericalHarmonicsCoefficients", lambda sh: sh[:-16]),
-        f"{SPLATS}.radiance:sphericalHarmonicsCoefficients at 0: expected 128 values, 16 for each of 8 "
-        "Gaussians, found 112",
-    ),
-    "harmonics of another degree": (
-        lambda stage: stage.GetAttributeAtPath(f"{SPLATS}.radiance:sphericalHarmonicsDegree").Set(
-            2
-        ),
-        f"{SPLATS}.radiance:sphericalHarmonicsCoefficients at 0: expected 72 values, 9 for each",
-    ),
-    "degree": (
-        lambda stage: stage.GetAttributeAtPath(f"{SPLATS}.radiance:sphericalHarmonicsDegree").Set(
-            7
-        ),
-        f"{SPLATS}.radiance:sphericalHarmonicsDegree: expected a degree of 0..4, found 7",
-    ),
-    "another number of positions": (
-        attribute(SPLATS, "positions", shorter, sample=1),
-        f"{SPLATS}.positions at 1: expected 8 positions, the same number in all samples, found 7",
-    ),
-    "no positions": (
-        without(SPLATS, "positions"),
-        f"{SPLATS}.positions at 0: expected some positions, the same number in all samples, found 0",
-    ),
-    "log scales": (
-        attribute(SPLATS, "scales", np.log),
-        f"{SPLATS}.scales at 0: expected linear scales > 0, found 8 Gaussians with others; are these",
-    ),
-    "logits": (
-        attribute(SPLATS, "opacities", put(3, -0.25)),
-        f"{SPLATS}.opacities at 0: expected opacities in 0..1, found 1 Gaussians outside",
-    ),
-    "long orientation": (
-        attribute(SPLATS, "orientations", put(3, [1, 1, 1, 1]), sample=1),
-        f"{SPLATS}.orientations at 1: expected unit quaternions, found 1",
-    ),
-    "sign jump": (
-        attribute(SPLATS, "orientations", lambda quats: -quats, sample=2),
-        f"{SPLATS}.orientations at 2: expected quaternions on the side of those a key before",
-    ),
-    "not finite": (
-        attribute(SPLATS, "positions", put((4, 2), np.inf), sample=1),
-        f"{SPLATS}.positions at 1: expected finite numbers",
-    ),
-    "no extent": (
-        without(SPLATS, "extent"),
-        f"{SPLATS}.extent at 0: expected an extent of two corners, found 0 corners",
-    ),
-    "extent of the centers": (
-        lambda stage: attribute(
-            SPLATS,
-            "extent",
-            lambda box: np.stack(
-                [
-                    np.array(stage.GetAttributeAtPath(f"{SPLATS}.positions").Get(2)).min(axis=0),
-                    np.array(stage.GetAttributeAtPath(f"{SPLATS}.positions").Get(2)).max(axis=0),
-                ]
-            ),
-            sample=2,
-        )(stage),
-        f"{SPLATS}.extent at 2: expected a box around all 3-sigma ellipsoids, found",
-    ),
-}
 """By name: what is done to a good file, and the beginning of what must be said."""
 
 
-@pytest.mark.parametrize(
-    ("file", "mistake"),
-    [("clip.usda", name) for name in RIG_EDITS]
-    + [("clip_gaussians.usda", name) for name in CACHE_EDITS],
-)
-def test_a_broken_stage_is_caught_in_its_place(
-    file: str, mistake: str, good: Path, tmp_path: Path
-) -> None:
-    edit, expected = (RIG_EDITS if file == "clip.usda" else CACHE_EDITS)[mistake]
-    path = tmp_path / file
-    path.write_bytes((good / file).read_bytes())
-    stage = Usd.Stage.Open(str(path))
-    edit(stage)
-    stage.Save()
-    del stage
-    said = [str(problem) for problem in check_file(path, is_trusted=True)]
-    assert any(line.startswith(expected) for line in said), said
-
-
-def test_half_arrays_count_where_there_are_no_floats(good: Path, tmp_path: Path) -> None:
-    path = tmp_path / "clip_gaussians.usda"
-    path.write_bytes((good / path.name).read_bytes())
-    stage = Usd.Stage.Open(str(path))
-    prim = stage.GetPrimAtPath(SPLATS)
-    scales = np.array(prim.GetAttribute("scales").Get()).astype(np.float16)
-    prim.RemoveProperty("scales")
-    prim.GetAttribute("scalesh").Set(Vt.Vec3hArray.FromNumpy(scales))
-    stage.Save()
+@pytest.fixture(scope="module")
+def good(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = good_usda(tmp_path_factory.mktemp("good") / "clip.usda")
     assert check_file(path, is_trusted=True) == ()
-    prim.GetAttribute("scalesh").Set(Vt.Vec3hArray.FromNumpy(-scales))
-    stage.Save()
-    (problem,) = check_file(path, is_trusted=True)
-    assert problem.place == f"{SPLATS}.scalesh at 0"
+    return path
 
 
-def test_a_payload_is_checked_with_the_file_that_names_it(good: Path, tmp_path: Path) -> None:
-    path = tmp_path / "clip_gaussians.usda"
-    path.write_bytes((good / path.name).read_bytes())
-    inner = Usd.Stage.Open(str(path))
-    attribute(SPLATS, "scales", np.log)(inner)
-    inner.Save()
-    outer = Usd.Stage.CreateNew(str(tmp_path / "outer.usda"))
-    prim = UsdGeom.Xform.Define(outer, "/Lamp").GetPrim()
-    prim.GetPayloads().AddPayload("./clip_gaussians.usda")
-    outer.Save()
-    said = [str(problem) for problem in check_file(tmp_path / "outer.usda", is_trusted=True)]
-    assert any(line.startswith("/Lamp/Splats.scales") for line in said), said
-
-
-@pytest.mark.parametrize("content", [b"", b"#usda 1.0\n(", b"PXR-USDC" + b"x" * 200, b"\xff\xfe"])
-def test_no_stage_at_all_is_a_problem(content: bytes, tmp_path: Path) -> None:
-    (tmp_path / "clip.usd").write_bytes(content)
-    (problem,) = check_file(tmp_path / "clip.usd", is_trusted=True)
-    assert str(problem).startswith("stage: expected a file that USD can read, found ")
-
-
-def test_a_foreign_file_is_read_in_another_process(good: Path, tmp_path: Path) -> None:
-    path = tmp_path / "clip.usda"
-    path.write_text((good / "clip.usda").read_text().replace("metersPerUnit = 1", ""))
-    assert check_file(path) == check_file(path, is_trusted=True) != ()
-
-
-def test_a_crash_of_usd_is_a_problem(
-    good: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    dies = [sys.executable, "-c", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)"]
-    run = subprocess.run
-    monkeypatch.setattr(guarded.subprocess, "run", lambda command, **options: run(dies, **options))
-    (problem,) = check_file(good / "clip.usda")
-    assert str(problem) == (
-        "stage: expected a file that USD can read, found one it dies of (Segmentation fault)"
-    )
+@pytest.mark.parametrize("mistake", EDITS)
+def test_a_broken_rig_is_caught_in_its_place(mistake: str, good: Path, tmp_path: Path) -> None:
+    edit, expected = EDITS[mistake]
+    said = said_of(good, edit, tmp_path / good.name)
+    assert any(line.startswith(expected) for line in said), said
