@@ -1,0 +1,93 @@
+"""Smoothing of solved tracks."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from animator.deform.robust_norm import RobustNorm
+from animator.sequence.smoothing import SmoothingConfig, smooth_tracks
+from animator.types import AnchorPoses
+
+FRAMES, ANCHORS, DIAGONAL = 16, 3, 2.0
+
+
+def tracks_of(shifts: np.ndarray, angles_rad: np.ndarray | None = None) -> list[AnchorPoses]:
+    """Tracks from translations (T, A, 3) and turns about +z (T,)."""
+    angles_rad = np.zeros(len(shifts)) if angles_rad is None else angles_rad
+    turns = Rotation.from_rotvec(np.outer(angles_rad, (0, 0, 1))).as_quat(scalar_first=True)
+    return [
+        AnchorPoses(
+            quats_wxyz=torch.as_tensor(np.tile(turn, (shift.shape[0], 1)), dtype=torch.float32),
+            translations=torch.as_tensor(shift, dtype=torch.float32),
+        )
+        for shift, turn in zip(shifts, turns, strict=True)
+    ]
+
+
+def shifts_of(tracks: list[AnchorPoses]) -> np.ndarray:
+    return np.stack([pose.translations.numpy() for pose in tracks])
+
+
+def line() -> np.ndarray:
+    times = np.arange(FRAMES)[:, None, None]
+    return times * np.array([[0.02, 0.0, 0.01], [0.0, 0.03, 0.0], [0.0, 0.0, 0.0]])
+
+
+def tremble() -> np.ndarray:
+    noise = np.random.default_rng(0).normal(0, 5e-4 * DIAGONAL, (FRAMES, ANCHORS, 3))
+    noise[0] = 0.0
+    return noise
+
+
+def test_even_motion_stays():
+    smooth = shifts_of(smooth_tracks(tracks_of(line()), DIAGONAL, SmoothingConfig()))
+    np.testing.assert_allclose(smooth, line(), atol=1e-6)
+
+
+def test_tremble_goes_and_comes_nearer_to_the_truth():
+    noisy = line() + tremble()
+    smooth = shifts_of(smooth_tracks(tracks_of(noisy), DIAGONAL, SmoothingConfig()))
+    acceleration = np.abs(np.diff(smooth, 2, axis=0)).mean()
+    assert acceleration < 0.2 * np.abs(np.diff(noisy, 2, axis=0)).mean()
+    assert np.abs(smooth - line()).mean() < 0.7 * np.abs(noisy - line()).mean()
+
+
+def test_a_real_start_is_not_rounded_off():
+    sudden = line()
+    sudden[:8] = 0.0
+    sudden[8:] += 0.2  # a tenth of the diagonal in one frame
+    robust = shifts_of(smooth_tracks(tracks_of(sudden), DIAGONAL, SmoothingConfig()))
+    plain = SmoothingConfig(norm=RobustNorm())
+    rounded = shifts_of(smooth_tracks(tracks_of(sudden), DIAGONAL, plain))
+    assert np.abs(robust - sudden).max() < 0.2 * np.abs(rounded - sudden).max()
+
+
+def test_the_first_frame_stays_exactly():
+    tracks = tracks_of(line() + 0.3 + tremble())
+    smooth = smooth_tracks(tracks, DIAGONAL, SmoothingConfig())
+    assert smooth[0] is tracks[0]
+
+
+@pytest.mark.parametrize("frames", [1, 2])
+def test_too_few_frames_to_have_an_acceleration(frames):
+    tracks = tracks_of(line()[:frames])
+    assert smooth_tracks(tracks, DIAGONAL, SmoothingConfig()) == tracks
+
+
+def test_rotations_stay_unit_and_even_turns_stay_whatever_their_signs():
+    angles_rad = np.linspace(0, 1.5, FRAMES)
+    tracks = tracks_of(line(), angles_rad)
+    tracks[5] = AnchorPoses(quats_wxyz=-tracks[5].quats_wxyz, translations=tracks[5].translations)
+    for pose, angle_rad in zip(
+        smooth_tracks(tracks, DIAGONAL, SmoothingConfig()), angles_rad, strict=True
+    ):
+        torch.testing.assert_close(pose.quats_wxyz.norm(dim=1), torch.ones(ANCHORS))
+        assert 2 * np.arccos(min(abs(float(pose.quats_wxyz[0, 0])), 1.0)) == pytest.approx(
+            angle_rad, abs=2e-3
+        )
+
+
+def test_zero_strength_leaves_the_tracks():
+    tracks = tracks_of(line() + tremble())
+    assert smooth_tracks(tracks, DIAGONAL, SmoothingConfig(strength=0.0)) == tracks
