@@ -29,7 +29,7 @@ class MatchSolverConfig:
     ray most of all."""
     rest: float = 0.03
     """Weight of the rest pose: keeps what has hardly moved from drifting along the viewing ray."""
-    arap_norm: RobustNorm = RobustNorm(reach=0.004)
+    arap_norm: RobustNorm = RobustNorm(reach=0.004, floor=0.02)
     """What the residuals of Eq. 5 cost [diagonals]."""
     turn_norm: RobustNorm = RobustNorm(reach=0.1)
     """What |R_i - R_j| of neighboring anchors costs; 0.1 is 4 degrees."""

@@ -127,6 +127,11 @@ class ImageSolver:
             )
         return float(error)
 
+    def energy(self, poses: AnchorPoses, target: FrameTarget, previous: AnchorPoses) -> float:
+        """Evaluate what `solve` minimizes, without rigid groups."""
+        with torch.no_grad():
+            return float(self._total_loss(target, poses, self.pose(poses), previous, None))
+
     def solve(
         self,
         target: FrameTarget,

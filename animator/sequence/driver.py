@@ -16,9 +16,11 @@ from animator.match.features import FeatureMatcher
 from animator.match.protocol import Matcher
 from animator.render.protocol import Renderer
 from animator.sequence.camera_pose import CameraTools, refine_camera
+from animator.sequence.claim_stage import ClaimStage, ClaimStageConfig
 from animator.sequence.match_stage import FramePair, MatchedPose, MatchStage, MatchStageConfig
 from animator.sequence.rigid_stage import RigidStage, RigidStageConfig
 from animator.sequence.solved_frame import FrameStats, SolvedFrame
+from animator.sequence.stillness import shows_the_same
 from animator.sequence.stopwatch import Stopwatch
 from animator.sequence.target import (
     FrameView,
@@ -50,6 +52,7 @@ class DriverConfig:
     rest_overlap: float = 0.85
     """Silhouette IoU of the rest pose with frame 0 below which frame 0 is solved like the others."""
     matching: MatchStageConfig = dataclasses.field(default_factory=MatchStageConfig)
+    claims: ClaimStageConfig = dataclasses.field(default_factory=ClaimStageConfig)
     rigid: RigidStageConfig = dataclasses.field(default_factory=RigidStageConfig)
     image_solver: ImageSolverConfig = dataclasses.field(default_factory=ImageSolverConfig)
 
@@ -89,6 +92,14 @@ class Driver:
             problem.matcher,
             config.matching,
         )
+        self._claim_stage = ClaimStage(
+            self._image_solver,
+            self._match_stage,
+            problem.renderer,
+            self._draw,
+            self._colors,
+            config.claims,
+        )
         self._rigid_stage = RigidStage(problem.gaussians, config.rigid, problem.seed)
         self._views = [
             FrameView.read(problem.frames, index) for index in range(len(problem.frames))
@@ -126,8 +137,19 @@ class Driver:
             Each newly solved frame.
         """
         for index in range(len(solved), len(self._views)):
-            solved.append(self.solve(index, solved[-1]))
+            solved.append(self._held(index, solved) or self.solve(index, solved[-1]))
             yield solved[-1]
+
+    def _held(self, index: int, solved: list[SolvedFrame]) -> SolvedFrame | None:
+        """Return the last result again if this frame shows what the frame it comes from showed."""
+        source = max(k for k, frame in enumerate(solved) if frame.stats.start != "held")
+        cameras = self._problem.cameras
+        if not np.array_equal(cameras[index].cam_from_world, cameras[source].cam_from_world):
+            return None
+        if not shows_the_same(self._views[index], self._views[source]):
+            return None
+        stats = dataclasses.replace(solved[-1].stats, start="held", seconds={})
+        return dataclasses.replace(solved[-1], stats=stats)
 
     def solve(self, index: int, previous: SolvedFrame) -> SolvedFrame:
         """Solve one frame from the previous one: match, choose a start, find groups, fit the image."""
@@ -148,6 +170,11 @@ class Driver:
         matches = None if matched is None else matched.matches
         start, start_name = self._choose_start(previous.poses, matched, target)
         watch.lap("choose start")
+        if matched is not None:
+            claimed = self._claim_stage.solve(start, matched, target, previous.poses, rng)
+            if claimed is not None:
+                start, start_name = claimed, "claims"
+            watch.lap("claims")
 
         steps = self._config.image_solver.iterations
         groups = self._rigid_stage.begin(previous.groups, matches, target, steps, rng)

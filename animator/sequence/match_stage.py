@@ -92,7 +92,7 @@ class MatchStage:
         watch.lap("match")
         if first is None:
             return None
-        poses = self._solve(target, ((first, 1.0),), previous, previous)
+        poses = self.solve_terms(target, ((first, 1.0),), previous, previous)
         watch.lap("match solver")
         latest = first
         for _ in range(config.rounds):
@@ -103,7 +103,7 @@ class MatchStage:
                 break
             latest = found
             terms = ((latest, 1.0), (first, config.previous_weight))
-            poses = self._solve(target, terms, poses, previous)
+            poses = self.solve_terms(target, terms, poses, previous)
             watch.lap("match solver")
         return MatchedPose(poses=poses, matches=latest)
 
@@ -154,13 +154,14 @@ class MatchStage:
             rng=rng,
         )
 
-    def _solve(
+    def solve_terms(
         self,
         target: FrameTarget,
         terms: tuple[tuple[GaussianMatches, float], ...],
         start: AnchorPoses,
         previous: AnchorPoses,
     ) -> AnchorPoses:
+        """Solve for weighted sets of matches from `start`, held to the previous pose."""
         return solve_matches(self._problem(target, terms), start, previous, self._config.solver)
 
     def _problem(

@@ -7,11 +7,8 @@ import dataclasses
 
 import torch
 
-from animator.render.spherical_harmonics import evaluate_colors
+from animator.render.spherical_harmonics import SH_C0, evaluate_colors
 from animator.types import Camera, Gaussians
-
-_SH_C0 = 0.28209479177387814
-"""Y_0^0 = 1 / (2 sqrt(pi))."""
 
 
 class ViewColors:
@@ -27,10 +24,14 @@ class ViewColors:
         with torch.no_grad():
             position = torch.as_tensor(camera.position).to(gaussians.means)
             colors = evaluate_colors(gaussians.sh_coeffs, gaussians.means, position)
-        self._sh_coeffs = ((colors - 0.5) / _SH_C0)[:, None]
+        self._sh_coeffs = ((colors - 0.5) / SH_C0)[:, None]
 
     def paint(self, gaussians: Gaussians) -> Gaussians:
         """Return the Gaussians in the colors of the last `look`."""
         if self._sh_coeffs is None:
             return gaussians
         return dataclasses.replace(gaussians, sh_coeffs=self._sh_coeffs)
+
+    def base_colors(self, gaussians: Gaussians) -> torch.Tensor:
+        """Return one color a Gaussian, as seen at the last `look`, shape (N, 3)."""
+        return self.paint(gaussians).sh_coeffs[:, 0].detach() * SH_C0 + 0.5

@@ -1,3 +1,4 @@
+import dataclasses
 import logging
 
 import numpy as np
@@ -49,15 +50,52 @@ def motion(solver: Driver, frame, box: Gaussians) -> np.ndarray:
     return (solver._image_solver.pose(frame.poses).means - box.means).norm(dim=1).numpy()
 
 
-def test_a_static_clip_does_not_move(box):
+def test_a_static_clip_is_held_and_does_not_move_at_all(box):
     frames = filmed([draw(RENDERER, box, CAMERA)] * 4)
+    noise = np.random.default_rng(0).normal(0, 1.5, frames.images.shape)
+    noisy = (frames.images + noise).round().clip(0, 255).astype(np.uint8)
+    frames = dataclasses.replace(frames, images=noisy)
     solver = driver(box, frames, (CAMERA,) * 4)
     solved = [solver.first()]
     list(solver.run(solved))
-    assert solved[0].stats.start == "rest"
-    for frame in solved:
+    assert [frame.stats.start for frame in solved] == ["rest", "held", "held", "held"]
+    assert all(motion(solver, frame, box).max() == 0 for frame in solved)
+    assert all(frame.uncertainty is solved[0].uncertainty for frame in solved)
+
+
+def test_a_static_frame_that_is_solved_all_the_same_hardly_moves(box):
+    frames = filmed([draw(RENDERER, box, CAMERA)] * 3)
+    solver = driver(box, frames, (CAMERA,) * 3)
+    frame = solver.first()
+    assert frame.stats.start == "rest"
+    for index in (1, 2):
+        frame = solver.solve(index, frame)
         assert motion(solver, frame, box).max() / box.diagonal < 2e-3
         assert frame.groups.count == 0
+
+
+def test_a_still_picture_of_a_moving_camera_is_solved(box):
+    """It shows an object that moves with the camera."""
+    aside = CAMERA.cam_from_world.copy()
+    aside[0, 3] += 0.05
+    frames = filmed([draw(RENDERER, box, CAMERA)] * 2)
+    solver = driver(box, frames, (CAMERA, CAMERA.with_pose(aside)))
+    solved = [solver.first()]
+    list(solver.run(solved))
+    assert solved[1].stats.start != "held"
+    found = (solver._image_solver.pose(solved[1].poses).means - box.means).mean(dim=0).numpy()
+    np.testing.assert_allclose(found, [-0.05, 0, 0], atol=0.015)
+
+
+def test_every_frame_says_how_well_it_shows_the_anchors(box):
+    frames = filmed([draw(RENDERER, turned(box, a), CAMERA) for a in (0.0, 3.0)])
+    solver = driver(box, frames, (CAMERA,) * 2)
+    solved = [solver.first()]
+    list(solver.run(solved))
+    for frame in solved:
+        assert frame.uncertainty.along_ray.shape == (len(frame.poses.translations),)
+        assert (frame.uncertainty.along_ray > frame.uncertainty.across_ray).all()
+        assert frame.uncertainty.along_ray.max() < 0.1 * box.diagonal
 
 
 def test_a_turning_box_is_followed_and_the_same_run_gives_the_same_bytes(box):
