@@ -1,4 +1,4 @@
-"""The command line: `animate` and `splatimate animate|export|check|inspect|profiles`.
+"""The command line: `animate` and `splatimate animate|export|check|inspect|profiles|evaluate`.
 
 Only flags are read here; the packages a command needs are imported when it runs, so that `--help`
 is quick and `export` works without torch.
@@ -16,6 +16,7 @@ from animator.commands.arguments import (
     given_options,
 )
 from animator.commands.console import Verbosity, logging_to_stderr
+from animator.commands.evaluate_arguments import add_evaluate_arguments, evaluate_choices
 from animator.commands.exit_code import ExitCode
 from animator.commands.export_choices import CHOICES, export_options
 from animator.commands.outputs import (
@@ -51,6 +52,18 @@ _CHECK_EPILOG = """\
 exit codes: 0 nothing found, 3 no such file or no known kind, 5 problems found
 """
 _PROFILES_DESCRIPTION = "List the profiles: the choices of each, why, and how that is known."
+_EVALUATE_DESCRIPTION = "Score the method, its parts and baselines on scenes whose motion is known."
+_EVALUATE_EPILOG = """\
+examples:
+  splatimate evaluate scenes --out scores
+      every scene in the folder: ours and the model at rest
+  splatimate evaluate scenes/robot --out scores --methods ablation
+  splatimate evaluate scenes/robot --out scores --clip walk.splatimate.npz
+      a result that is there already, scored without fitting
+
+Tables go to DIR/TASK.md and DIR/TASK.json, results to DIR/SCENE/METHOD: what is there is not fitted
+again. docs/evaluation.md says how a scene is laid out, and what the figures, methods and tasks are.
+"""
 _DEFAULT_OUT = Path("clip.usd")
 """What `inspect` plans for without `--out`."""
 
@@ -90,6 +103,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         add_option(check, name)
 
     _add_command(commands, "profiles", _profiles, _PROFILES_DESCRIPTION)
+
+    evaluate = _add_command(
+        commands, "evaluate", _evaluate, _EVALUATE_DESCRIPTION, _EVALUATE_EPILOG
+    )
+    add_evaluate_arguments(evaluate)
 
     arguments = parser.parse_args(argv)
     return _run(arguments.command, arguments, arguments.parser)
@@ -136,6 +154,14 @@ def _profiles(arguments: argparse.Namespace, parser: argparse.ArgumentParser) ->
 
     sys.stdout.write(describe_profiles())
     return ExitCode.DONE
+
+
+def _evaluate(arguments: argparse.Namespace, parser: argparse.ArgumentParser) -> ExitCode:
+    options = AnimateOptions(**given_options(arguments))
+    with logging_to_stderr(_verbosity(options)):
+        from animator.commands.evaluate import run_evaluate
+
+        return run_evaluate(evaluate_choices(arguments), options)
 
 
 def _run(command: Command, arguments: argparse.Namespace, parser: argparse.ArgumentParser) -> int:

@@ -50,7 +50,7 @@ def test_what_is_imported_is_what_is_declared():
         "fast_simplification": "fast-simplification",
         "llvmlite": "numba",  # numba's own compiler, at the version it asks for
     }
-    optional = {"gsplat", "romatch"}
+    optional = {"flip_evaluator", "gsplat", "romatch"}
     statement = re.compile(r"^\s*(?:from|import) (\w+)", re.MULTILINE)
     imported = {
         name

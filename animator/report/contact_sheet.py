@@ -33,23 +33,40 @@ def contact_sheet(pictures: Sequence[FramePictures], captions: Sequence[str]) ->
     Returns:
         sRGB, uint8, shape (H, W, 3).
     """
-    window = _window([picture.is_object for picture in pictures])
-    cell_size_px = _cell_size_px(window)
+    window = object_window([picture.is_object for picture in pictures])
+    rows = [
+        [image[window] for image in (shown.frame, shown.render, shown.difference, shown.groups)]
+        for shown in pictures
+    ]
+    return picture_grid(COLUMNS, rows, captions)
+
+
+def picture_grid(
+    titles: Sequence[str], rows: Sequence[Sequence[np.ndarray]], captions: Sequence[str]
+) -> np.ndarray:
+    """Lay pictures out in rows and columns.
+
+    Args:
+        titles: One for each column.
+        rows: Pictures of each row, uint8, shapes (H, W, 3); all cells are as large as the largest.
+        captions: One line above each row.
+
+    Returns:
+        sRGB, uint8, shape (H, W, 3).
+    """
+    cell_size_px = _cell_size_px([image.shape for row in rows for image in row])
     cell_width_px, cell_height_px = cell_size_px
     row_px = _LINE_PX + cell_height_px + _GAP_PX
-    width_px = len(COLUMNS) * (cell_width_px + _GAP_PX) + _GAP_PX
-    sheet = np.full(
-        (_LINE_PX + len(pictures) * row_px + _GAP_PX, width_px, 3), _BACKGROUND, np.uint8
-    )
-    for column, title in enumerate(COLUMNS):
+    width_px = len(titles) * (cell_width_px + _GAP_PX) + _GAP_PX
+    sheet = np.full((_LINE_PX + len(rows) * row_px + _GAP_PX, width_px, 3), _BACKGROUND, np.uint8)
+    for column, title in enumerate(titles):
         _write(sheet, title, _GAP_PX + column * (cell_width_px + _GAP_PX), 0)
-    for row, (picture, caption) in enumerate(zip(pictures, captions, strict=True)):
+    for row, (images, caption) in enumerate(zip(rows, captions, strict=True)):
         top = _LINE_PX + row * row_px
         _write(sheet, caption, _GAP_PX, top)
-        cells = (picture.frame, picture.render, picture.difference, picture.groups)
-        for column, image in enumerate(cells):
+        for column, image in enumerate(images):
             left = _GAP_PX + column * (cell_width_px + _GAP_PX)
-            cell = _resized(image[window], cell_size_px)
+            cell = _resized(image, cell_size_px)
             sheet[top + _LINE_PX :, left:][:cell_height_px, :cell_width_px] = cell
     return sheet
 
@@ -68,7 +85,7 @@ def write_png(rgb: np.ndarray, path: Path) -> None:
     path.write_bytes(png_bytes(rgb))
 
 
-def _window(masks: Sequence[np.ndarray]) -> tuple[slice, slice]:
+def object_window(masks: Sequence[np.ndarray]) -> tuple[slice, slice]:
     """Return rows and columns of the box around all masks, with a margin."""
     union = np.logical_or.reduce(masks)
     rows, columns = np.nonzero(union)
@@ -83,8 +100,8 @@ def _widened(positions: np.ndarray, margin: int, length: int) -> slice:
     return slice(max(first - margin, 0), min(last + 1 + margin, length))
 
 
-def _cell_size_px(window: tuple[slice, slice]) -> tuple[int, int]:
-    height_px, width_px = (side.stop - side.start for side in window)
+def _cell_size_px(shapes: Sequence[tuple[int, ...]]) -> tuple[int, int]:
+    height_px, width_px = (max(shape[axis] for shape in shapes) for axis in (0, 1))
     scale = CELL_PX / max(width_px, height_px)
     return max(round(width_px * scale), _MIN_CELL_WIDTH_PX), max(round(height_px * scale), 1)
 

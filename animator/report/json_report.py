@@ -22,7 +22,7 @@ def json_report(record: RunRecord) -> str:
 
     Numbers have six significant digits; what could not be measured (NaN) is null.
     """
-    document = {"format": FORMAT_NAME, "version": FORMAT_VERSION, **_plain(record)}
+    document = {"format": FORMAT_NAME, "version": FORMAT_VERSION, **plain(record)}
     document["frames"] = [_row(row) for row in document.pop("rows")]
     return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
@@ -33,17 +33,18 @@ def _row(row: dict[str, Any]) -> dict[str, Any]:
     return {**flat, **row["quality"], "seconds": row["seconds"]}
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """Return what JSON can hold: dataclasses as mappings, NaN as null, six digits."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, tuple | list):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, Path):
         return str(value)
     if isinstance(value, np.generic):
-        return _plain(value.item())
+        return plain(value.item())
     if isinstance(value, float):
         return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
     return value
