@@ -43,13 +43,15 @@ class CarriedPoints:
         solid = np.flatnonzero(gaussians.opacities.detach().cpu().numpy() > SOLID_OPACITY)
         if len(solid) < CARRIERS:
             solid = np.arange(len(centers))
-        ranks = list(range(1, min(CARRIERS, len(solid)) + 1))
-        distances, nearest = KDTree(centers[solid]).query(points, k=ranks)
-        weights = 1.0 / (np.asarray(distances) + _SOFTENING * diagonal)
+        count = min(CARRIERS, len(solid))
+        distances, nearest = KDTree(centers[solid]).query(points, k=count)
+        # For one neighbor alone, the tree returns arrays without a second axis.
+        shape = (len(points), count)
+        weights = 1.0 / (np.reshape(distances, shape) + _SOFTENING * diagonal)
         return cls(
             rest=points,
             gaussian_rest=centers,
-            gaussian_ids=solid[np.asarray(nearest)],
+            gaussian_ids=solid[np.reshape(nearest, shape)],
             weights=weights / weights.sum(axis=1, keepdims=True),
         )
 

@@ -112,8 +112,10 @@ def _score_views(
     renderer: Renderer,
     judges: Mapping[str, Judge],
 ) -> Iterator[ViewScores]:
-    for index in np.flatnonzero(tracks.is_scored):
-        number, posed = motion.numbers[index], motion.posed(index)
+    for index, number in enumerate(motion.numbers):
+        if not tracks.is_scored[index]:
+            continue
+        posed = motion.posed(index)
         drawn = draw(posed, scene.front_camera(number), renderer)
         scores = score_picture(drawn, scene.front_picture(number), judges)
         yield ViewScores(number=number, view=FRONT, scores=scores)
