@@ -59,6 +59,14 @@ def test_flip_rises_with_the_difference():
     flip = load_judges()["flip"]
     assert flip(first, first) == 0.0
     assert 0 < flip(second, first) < flip(np.zeros_like(first), first) <= 1.0
+    assert flip(np.zeros_like(first), np.zeros_like(first)) == 0.0
+
+
+def test_flip_need_not_look_where_both_pictures_are_black():
+    flip_evaluator = pytest.importorskip("flip_evaluator")
+    first, second = (np.pad(image, ((60, 50), (40, 70), (0, 0))) for image in textures())
+    whole = flip_evaluator.evaluate(first, second, "LDR", applyMagma=False)[1]
+    assert load_judges()["flip"](second, first) == pytest.approx(whole, rel=1e-5)
 
 
 def test_means_leave_out_what_could_not_be_measured():
