@@ -4,6 +4,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+SLIVER = 0.01
+"""Pieces of less volume than this, in cubes of the shortest length, are folded sheets."""
+
 
 def closed(positions: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Cut out the faces at edges that are wrong and close the holes by fans.
@@ -32,32 +35,39 @@ def closed(positions: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np
     return np.concatenate(pieces[0]), np.concatenate(pieces[1])
 
 
-def without_crumbs(
+def solid_pieces(
     positions: np.ndarray, triangles: np.ndarray, least_length: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Drop connected pieces whose boxes have a shorter diagonal, and vertices without a face.
+    """Keep what encloses a volume of some size: no crumbs, no slivers, no walls of hollows.
 
     Args:
         positions: Vertices, shape (V, 3).
-        triangles: Faces, shape (F, 3).
-        least_length: Shortest diagonal of a piece that stays [scene unit].
+        triangles: Faces of a closed mesh, shape (F, 3).
+        least_length: Shortest diagonal of the box around a piece [scene unit].
+
+    Returns:
+        The vertices and faces of the pieces that stay.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
-    count = len(positions)
-    links = triangles[:, :2].T, triangles[:, 1:].T
-    starts, ends = np.concatenate(links, axis=1)
-    graph = coo_array((np.ones(len(starts)), (starts, ends)), shape=(count, count))
-    piece_count, pieces = connected_components(graph, directed=False)
+    # Pieces may touch in a vertex, so that only faces with a common edge are one piece.
+    edges, _, _ = _edges(triangles)
+    by_edge = np.argsort(_keys(edges), kind="stable")
+    first, second = (by_edge % len(triangles)).reshape(-1, 2).T
+    links = coo_array((np.ones(len(first)), (first, second)), shape=(len(triangles),) * 2)
+    piece_count, pieces = connected_components(links, directed=False)
+    corners = positions[triangles].astype(np.float64)
     low = np.full((piece_count, 3), np.inf)
     high = np.full((piece_count, 3), -np.inf)
-    np.minimum.at(low, pieces, positions)
-    np.maximum.at(high, pieces, positions)
-    is_kept = (np.linalg.norm(high - low, axis=1) >= least_length)[pieces]
-    triangles = triangles[is_kept[triangles[:, 0]]]
-    used, triangles = np.unique(triangles, return_inverse=True)
-    return positions[used], triangles.reshape(-1, 3)
+    np.minimum.at(low, pieces, corners.min(axis=1))
+    np.maximum.at(high, pieces, corners.max(axis=1))
+    # The signed volumes of the tetrahedra from the origin to each face; a hollow's wall is below 0.
+    volumes = np.bincount(pieces, weights=np.linalg.det(corners) / 6, minlength=piece_count)
+    is_kept = np.linalg.norm(high - low, axis=1) >= least_length
+    is_kept &= volumes >= SLIVER * least_length**3
+    used, kept = np.unique(triangles[is_kept[pieces]], return_inverse=True)
+    return positions[used], kept.reshape(-1, 3)
 
 
 def _edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -69,12 +79,15 @@ def _edges(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     directions = np.sign(edges[:, 1] - edges[:, 0])
-    _, keys, counts = np.unique(
-        np.sort(edges, axis=1), axis=0, return_inverse=True, return_counts=True
-    )
-    keys = keys.reshape(-1)
+    _, keys, counts = np.unique(_keys(edges), return_inverse=True, return_counts=True)
     balance = np.bincount(keys, weights=directions, minlength=len(counts))
     return edges, counts[keys], (balance == 0)[keys]
+
+
+def _keys(edges: np.ndarray) -> np.ndarray:
+    """Return one number for each edge, the same for both directions, shape (E,)."""
+    low, high = np.sort(edges.astype(np.int64), axis=1).T
+    return low * (edges.max(initial=0) + 1) + high
 
 
 def _loops(edges: np.ndarray) -> Iterator[np.ndarray]:

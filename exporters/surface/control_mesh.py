@@ -7,7 +7,7 @@ from exporters.clip import Clip
 from exporters.errors import ClipError
 from exporters.options import LEAST_FACES
 from exporters.skinned_mesh import SkinnedMesh, normalized_influences
-from exporters.surface.closing import closed, without_crumbs
+from exporters.surface.closing import closed, solid_pieces
 from exporters.surface.ellipsoids import Ellipsoids, ellipsoids_of
 from exporters.surface.grid import Grid
 from exporters.surface.level import matching_level
@@ -32,8 +32,13 @@ MOST_CELLS = 24_000_000
 BLUR_CELLS = 0.5
 """Blur that makes disks and needles as thick as a cell."""
 
-CRUMB_CELLS = 4
+REACH_CELLS = 2
+"""How far the surface may lie from a thin disk that it is made of."""
+
+CRUMB_CELLS = 8
 """A piece of the simplified mesh that is shorter has come off a larger one."""
+
+_WELL_USED, _ROUNDS = 0.97, 5  # share of the budget that ends the search for it
 
 
 def control_mesh(clip: Clip, face_count: int) -> SkinnedMesh:
@@ -47,7 +52,7 @@ def control_mesh(clip: Clip, face_count: int) -> SkinnedMesh:
         face_count: Most triangles, at least `LEAST_FACES`.
 
     Raises:
-        ClipError: If the budget is too small, or all Gaussians are too faint to be seen.
+        ClipError: If the budget is too small for the shape, or all Gaussians are too faint.
     """
     if face_count < LEAST_FACES:
         raise ClipError(
@@ -64,9 +69,14 @@ def control_mesh(clip: Clip, face_count: int) -> SkinnedMesh:
     ellipsoids = ellipsoids.chosen(seen)
     grid = _grid_around(ellipsoids)
     positions, triangles = _surface(ellipsoids, grid, face_count)
+    if len(triangles) == 0:
+        raise ClipError(
+            f"faces: nothing closed is left of the surface with {face_count} triangles; allow more, "
+            "or write the mesh as quads"
+        )
     normals = _normals(positions, triangles)
-    # Wider by a cell, since the surface lies that far above the thinnest disks.
-    nearby = look_at(positions, normals, ellipsoids.widened(grid.pitch))
+    blurred = ellipsoids.widened(BLUR_CELLS * grid.pitch)
+    nearby = look_at(positions, normals, blurred, REACH_CELLS * grid.pitch)
     joint_ids, weights = nearby.blended_skin(clip.skin.joint_ids[seen], clip.skin.weights[seen])
     joint_ids, weights = normalized_influences(joint_ids, weights)
     colors = nearby.blend(base_colors_linear(clip.splats)[seen])
@@ -118,22 +128,29 @@ def _simplified(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Collapse edges by quadric errors (Garland and Heckbert 1997) down to a budget; stay closed.
 
-    Closing what simplification tore takes a few triangles more, hence the rounds.
+    Closing what simplification tore takes a few triangles more, and a wall of a hollow that came
+    off leaves room for others, hence the rounds.
     """
     import fast_simplification
 
+    positions, triangles = solid_pieces(*closed(positions, triangles), crumb_length)
+    if len(triangles) <= face_count:
+        return positions, triangles
+    best = positions[:0], triangles[:0]
     target = face_count
-    while True:
-        found = positions, triangles
-        if len(triangles) > target:
-            found = fast_simplification.simplify(
-                positions.astype(np.float32), triangles.astype(np.int32), target_count=target
-            )
-        found = without_crumbs(*closed(*found), crumb_length)
-        excess = len(found[1]) - face_count
-        if excess <= 0:
-            return found
-        target -= excess + face_count // 100
+    for _ in range(_ROUNDS):
+        found = fast_simplification.simplify(
+            positions.astype(np.float32), triangles.astype(np.int32), target_count=target
+        )
+        found = solid_pieces(*closed(*found), crumb_length)
+        if len(best[1]) < len(found[1]) <= face_count:
+            best = found
+        if _WELL_USED * face_count <= len(found[1]) <= face_count:
+            break
+        # Aimed at the middle of what is well used; a torn mesh may have lost the wall of a hollow.
+        share = face_count * (1 + _WELL_USED) / 2 / max(len(found[1]), 1)
+        target = int(target * min(max(share, 0.5), 2.0))
+    return best
 
 
 def _normals(positions: np.ndarray, triangles: np.ndarray) -> np.ndarray:

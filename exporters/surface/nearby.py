@@ -57,7 +57,9 @@ class Nearby:
         )
 
 
-def look_at(points: np.ndarray, normals: np.ndarray, ellipsoids: Ellipsoids) -> Nearby:
+def look_at(
+    points: np.ndarray, normals: np.ndarray, ellipsoids: Ellipsoids, reach: float
+) -> Nearby:
     """Blend the Gaussians in front of and behind each point, seen against its normal.
 
     Each has, on the line of sight, the alpha of its densest place there; they cover one another in
@@ -68,6 +70,8 @@ def look_at(points: np.ndarray, normals: np.ndarray, ellipsoids: Ellipsoids) -> 
         points: Places on the surface [scene unit], shape (V, 3).
         normals: Unit vectors outward, shape (V, 3).
         ellipsoids: N Gaussians.
+        reach: What lies farther above or below than this and three sigmas is of another part
+            [scene unit].
     """
     from scipy.spatial import KDTree
 
@@ -84,10 +88,10 @@ def look_at(points: np.ndarray, normals: np.ndarray, ellipsoids: Ellipsoids) -> 
         along = np.einsum("vki,vi->vk", bent, normals[chunk])
         bent_normals = np.einsum("vkij,vj->vki", precisions[nearest], normals[chunk])
         curvature = np.einsum("vki,vi->vk", bent_normals, normals[chunk])
-        distances = np.einsum("vki,vki->vk", bent, offsets)
         heights = -along / curvature
-        alphas = ellipsoids.opacities[nearest] * np.exp(-0.5 * (distances - along**2 / curvature))
-        alphas[distances > _REACH_SIGMAS**2] = 0
+        distances = np.einsum("vki,vki->vk", bent, offsets) - along**2 / curvature
+        alphas = ellipsoids.opacities[nearest] * np.exp(-0.5 * distances)
+        alphas[np.abs(heights) > reach + _REACH_SIGMAS / np.sqrt(curvature)] = 0
         ids.append(nearest)
         shares.append(_front_to_back(alphas, heights))
     return Nearby(splat_ids=np.concatenate(ids), shares=np.concatenate(shares))

@@ -11,6 +11,9 @@ LEAST_SHARE = 0.001
 _LEAST_GAUSSIANS = 4  # ... or fewer than that many, where a share of the whole means nothing
 _LEAST_OF_LARGEST = 0.05  # ... which in turn means nothing where all pieces are that small
 
+LEAK_CELLS = 2
+"""Openings up to twice as wide are leaks: the chamber behind them is solid."""
+
 _NEIGHBOR_SHARE, _NEIGHBOR_SIGMAS = 0.05, 4.0
 """Gaussians within this share of the object's length, or so many typical sigmas, are neighbors."""
 
@@ -54,7 +57,7 @@ def near_others(ellipsoids: Ellipsoids) -> np.ndarray:
 def without_strays(
     field: np.ndarray, level: float, ellipsoids: Ellipsoids, grid: Grid
 ) -> np.ndarray:
-    """Return the field with enclosed hollows filled and stray pieces emptied.
+    """Return the field with hollows filled and stray pieces emptied.
 
     Args:
         field: Absorption in the cells, float32.
@@ -64,11 +67,7 @@ def without_strays(
     """
     from skimage import measure
 
-    # A ring of empty cells makes everything outside one piece.
-    outside = measure.label(np.pad(field < level, 1, constant_values=True), connectivity=1)
-    is_hollow = (outside != outside[0, 0, 0])[1:-1, 1:-1, 1:-1] & (field < level)
-    field = np.where(is_hollow, np.float32(2 * level), field)
-
+    field = np.where(_is_hollow(field < level), np.float32(2 * level), field)
     piece = measure.label(field >= level, connectivity=3)
     holder = piece[grid.nearest(ellipsoids.centers)]
     masses = np.bincount(
@@ -77,6 +76,26 @@ def without_strays(
     is_kept = _is_real(masses, ellipsoids)
     is_kept[0] = True  # what lies outside stays as it is, for the surface to lie between cells
     return np.where(is_kept[piece], field, np.float32(0))
+
+
+def _is_hollow(is_empty: np.ndarray) -> np.ndarray:
+    """Tell chambers inside the object, open to the outside by leaks at most, from what is outside.
+
+    Trained models are shells with pinholes; behind them lies what no camera saw.
+    """
+    from scipy import ndimage
+    from skimage import measure
+
+    # A ring of empty cells makes everything outside one piece.
+    is_empty = np.pad(is_empty, LEAK_CELLS + 1, constant_values=True)
+    is_wide = ndimage.binary_erosion(is_empty, iterations=LEAK_CELLS, border_value=1)
+    chambers = np.zeros(is_empty.shape, bool)
+    for spaces in (is_empty, is_wide):
+        space = measure.label(spaces, connectivity=1)
+        chambers |= (space > 0) & (space != space[0, 0, 0])
+    chambers = ndimage.binary_dilation(chambers, iterations=LEAK_CELLS, mask=is_empty)
+    inner = (slice(LEAK_CELLS + 1, -LEAK_CELLS - 1),) * 3
+    return chambers[inner]
 
 
 def _is_real(masses: np.ndarray, ellipsoids: Ellipsoids) -> np.ndarray:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from exporters.surface.closing import closed, without_crumbs
+from exporters.surface.closing import closed, solid_pieces
 
 
 def in_trimesh(positions: np.ndarray, triangles: np.ndarray) -> trimesh.Trimesh:
@@ -59,6 +59,18 @@ def test_crumbs_and_unused_vertices_go(sphere):
     crumb.apply_translation([3, 0, 0])
     both = trimesh.util.concatenate([crumb, sphere])
     positions = np.concatenate([both.vertices, [[9.0, 9.0, 9.0]]])
-    positions, triangles = without_crumbs(positions, both.faces, 0.1)
+    positions, triangles = solid_pieces(positions, both.faces, 0.1)
     np.testing.assert_allclose(positions, sphere.vertices)
     np.testing.assert_array_equal(triangles, sphere.faces)
+
+
+def test_the_wall_of_a_hollow_goes_even_if_it_touches(sphere):
+    wall = sphere.copy()
+    wall.apply_scale(0.5)
+    wall.invert()
+    both = trimesh.util.concatenate([sphere, wall])
+    faces = both.faces.copy()
+    faces[faces == faces[-1, 0]] = 0  # one vertex of the wall is one of the sphere
+    positions, triangles = solid_pieces(both.vertices, faces, 0.1)
+    assert len(triangles) == len(sphere.faces)
+    assert in_trimesh(positions, triangles).volume == pytest.approx(sphere.volume)

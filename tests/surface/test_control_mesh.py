@@ -70,6 +70,15 @@ def test_a_shell_of_disks_becomes_a_solid_ball(ball_mesh: SkinnedMesh) -> None:
     assert np.median(outward) > 0.98
 
 
+def test_a_pinhole_does_not_make_it_hollow(ball_mesh: SkinnedMesh) -> None:
+    """The hole is near a fiftieth of the diagonal wide, and rattling about inside is junk."""
+    leaky = dataclasses.replace(solids.ball(), opacities=np.where(np.arange(800) == 400, 0, 0.9))
+    junk = solids.ball((0.1, 0.2, 0.3), 0.1, count=20)
+    found = checked(control_mesh(solids.clip_of(solids.joined(leaky, junk)), FACES))
+    assert found.body_count == 1
+    assert found.volume == pytest.approx(checked(ball_mesh).volume, rel=0.01)
+
+
 def test_its_silhouette_is_that_of_the_drawn_gaussians(ball_mesh: SkinnedMesh) -> None:
     cam_from_world = np.eye(4)
     cam_from_world[2, 3] = 1000.0
