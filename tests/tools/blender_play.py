@@ -55,6 +55,12 @@ def describe_scene() -> dict:
 
 def main(path: str, out: str, frames_json: str) -> None:
     import_file(path)
+    # The scenes of a glTF file become collections; all but the default one come switched off, and
+    # what is off is not animated.
+    collections = bpy.context.view_layer.layer_collection.children
+    switched_off = [collection.name for collection in collections if collection.exclude]
+    for collection in collections:
+        collection.exclude = False
     bpy.context.view_layer.update()
     meshes = [thing for thing in bpy.data.objects if thing.type == "MESH"]
     saved = {f"{mesh.name}/posed": [] for mesh in meshes}
@@ -64,7 +70,7 @@ def main(path: str, out: str, frames_json: str) -> None:
         bpy.context.scene.frame_set(int(frame // 1), subframe=frame % 1)
         for mesh in meshes:
             saved[f"{mesh.name}/posed"].append(posed_points(mesh))
-    np.savez(out, scene=json.dumps(describe_scene()), **saved)
+    np.savez(out, scene=json.dumps({**describe_scene(), "switched_off": switched_off}), **saved)
 
 
 if __name__ == "__main__":

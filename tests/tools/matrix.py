@@ -94,7 +94,8 @@ def mesh_notes(tool: str, suffix: str, played: Played) -> str:
     notes = ["colors" if all(played.scene["materials"].values()) else "no material"]
     notes.append("camera" if "CAMERA" in kinds else "no camera")
     if played.points:
-        notes.append(f"the splats at rest come too, as loose points ({', '.join(played.points)})")
+        off = ", ".join(played.scene["switched_off"])
+        notes.append(f"splats as loose points in the collection {off}, switched off")
     return ", ".join(notes)
 
 
@@ -104,7 +105,8 @@ def splat_rows(clip: Clip, content: str, folder: Path) -> Iterator[Row]:
     path = folder / f"clip{suffix}"
     export_clip(clip, path, options)
     key_count = len(clip.tracks)
-    for tool, played in played_by_all(clip, path).items():
+    by_tool = played_by_all(clip, path)
+    for tool, played in by_tool.items():
         row = Row(
             tool=tool,
             file=suffix,
@@ -116,7 +118,7 @@ def splat_rows(clip: Clip, content: str, folder: Path) -> Iterator[Row]:
         if played.points and options.splats == "rest":
             row = dataclasses.replace(row, notes="points, do not move")
         elif played.points:
-            errors = part_errors(clip, played)
+            errors = part_errors(clip, played, by_tool["three.js 0.187"])
             row = dataclasses.replace(
                 row,
                 at_keys=f"{errors[:key_count].max():.0e}",
@@ -126,13 +128,19 @@ def splat_rows(clip: Clip, content: str, folder: Path) -> Iterator[Row]:
         yield row
 
 
-def part_errors(clip: Clip, played: Played) -> np.ndarray:
-    """Return how far the worst center is off at each moment, in diagonals, shape (T,)."""
+def part_errors(clip: Clip, played: Played, at_rest: Played) -> np.ndarray:
+    """Return how far the worst center is off at each moment, in diagonals, shape (T,).
+
+    Args:
+        clip: What was written.
+        played: The points of one tool.
+        at_rest: The same points in a tool that tells where they are at rest: Blender does not. Both
+            keep the names of the pieces and the order of the points in them.
+    """
     clip = to_y_up_meters(clip)
-    rest, posed = (
-        np.concatenate([getattr(mesh, name) for mesh in played.points.values()], axis=-2)
-        for name in ("rest", "posed")
-    )
+    names = sorted(at_rest.points)
+    rest = np.concatenate([at_rest.points[name].rest for name in names])
+    posed = np.concatenate([played.points[name].posed for name in names], axis=1)
     keys_s, halves_s = moments(clip)
     truth = np.stack([clip.pose_at(time_s).positions for time_s in keys_s + halves_s])
     diagonal = np.linalg.norm(np.ptp(clip.splats.positions, axis=0))

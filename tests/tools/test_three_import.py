@@ -46,7 +46,6 @@ def check(clip: Clip, path: Path, options: ExportOptions) -> None:
 def test_colors_of_the_vertices_survive_in_gltf(tmp_path: Path) -> None:
     path = tmp_path / "hinge.glb"
     export_clip(clips.hinge(), path)
-    has_colors = {
-        mesh["name"]: mesh["has_colors"] for mesh in play_in_three(path, [0.0]).scene["meshes"]
-    }
-    assert has_colors == {"carrier": True, "rest_splats": True}
+    shown = play_in_three(path, [0.0]).scene["meshes"]
+    assert len(shown) == 2, "the carrier, and the splats at rest as points"
+    assert all(mesh["has_colors"] for mesh in shown)
