@@ -36,7 +36,7 @@ class MatchNoise:
 
     hidden_px: float = 0.5
     """Standard deviation, by coordinate, that the residuals do not show: the pose follows it [px]."""
-    alike_within_px: float = 12.0
+    alike_within_px: float = 16.0
     """Matches nearer to each other than this err alike, for the matcher compares windows: such a
     neighborhood counts as one match [px]."""
 

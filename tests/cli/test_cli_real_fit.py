@@ -4,12 +4,22 @@ import hashlib
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from animator.cli import animate_main
 from animator.commands.progress_file import ProgressFile
 
 FLAGS = ("--matcher", "flow", "--iterations", "3", "--anchors", "12", "--device", "cpu", "-q")
+
+
+@pytest.fixture
+def scene(scene: Path) -> Path:
+    """Move the object by a pixel a frame: frames that show nothing new would not be solved."""
+    for number, path in enumerate(sorted((scene / "frames").iterdir())):
+        Image.fromarray(np.roll(np.asarray(Image.open(path)), number, axis=1)).save(path)
+    return scene
 
 
 def run(scene: Path, out: Path, *flags: str) -> int:
@@ -30,8 +40,7 @@ def test_a_killed_run_resumes_to_the_same_bytes(scene, tmp_path, monkeypatch):
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     assert run(scene, whole) == 0
     summary = json.loads((whole / "cube_report.json").read_text())["summary"]
-    # Nothing moves in the clip, so nothing may move in the result.
-    assert summary["mean_silhouette_iou"] > 0.95
+    assert summary["mean_silhouette_iou"] > 0.9
     assert summary["largest_skin_error_percent"] < 1e-3
 
     keep = ProgressFile.keep
