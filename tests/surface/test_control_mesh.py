@@ -1,6 +1,7 @@
 """The surface mesh of solids whose shape is known."""
 
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import trimesh
 from exporters.clip import Skin, Splats
 from exporters.errors import ClipError
 from exporters.skinned_mesh import SkinnedMesh
+from exporters.surface import control_mesh as control_mesh_module
 from exporters.surface.control_mesh import LEAST_FACES, control_mesh
 from tests.helpers import clips, silhouettes, solids
 
@@ -36,8 +38,16 @@ def checked(mesh: SkinnedMesh) -> trimesh.Trimesh:
     return found
 
 
+@pytest.fixture(scope="module", autouse=True)
+def coarse_grid() -> Iterator[None]:
+    """Half as fine as in earnest: an eighth of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(control_mesh_module, "CELLS_ALONG", 128)
+        yield
+
+
 @pytest.fixture(scope="module")
-def ball_mesh() -> SkinnedMesh:
+def ball_mesh(coarse_grid: None) -> SkinnedMesh:
     return control_mesh(solids.clip_of(solids.ball()), FACES)
 
 
