@@ -121,11 +121,13 @@ def peak_memory_mb(clip_path: Path, target: Path) -> float:
     """Return what writing adds to the peak memory of a fresh process [MB]; Linux only."""
     script = (
         "import sys, numpy, exporters, exporters.usd.cache\n"
-        "def peak(): return int(open('/proc/self/status').read().split('VmHWM:')[1].split()[0])\n"
+        "def status(name):\n"
+        "    return int(open('/proc/self/status').read().split(name + ':')[1].split()[0])\n"
         "clip = exporters.load_clip(sys.argv[1])\n"
-        "before = peak()\n"
+        "open('/proc/self/clear_refs', 'w').write('5')\n"  # forget the peak of loading
+        "before = status('VmRSS')\n"
         "exporters.export_clip(clip, sys.argv[2])\n"
-        "print((peak() - before) / 1024)\n"
+        "print((status('VmHWM') - before) / 1024)\n"
     )
     command = [sys.executable, "-c", script, str(clip_path), str(target)]
     done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment())
