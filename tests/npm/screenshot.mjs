@@ -50,7 +50,11 @@ try {
   page.on("console", (message) => message.type() === "error" && complaints.push(message.text()));
   await page.route(/^http/, serve);
   await page.goto(job.url);
-  await page.waitForFunction(() => document.documentElement.dataset.state, null, { timeout: 300_000 });
+  const deadline_ms = Date.now() + 300_000;
+  while (!complaints.length && !(await page.evaluate(() => document.documentElement.dataset.state))) {
+    if (Date.now() > deadline_ms) complaints.push("nothing was drawn for five minutes");
+    await new Promise((resolve) => setTimeout(resolve, 100));
+  }
   if (job.hide) await page.addStyleTag({ content: `${job.hide} { display: none !important }` });
   await page.screenshot({ path: job.out, timeout: 300_000 });
 } finally {
