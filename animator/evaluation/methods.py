@@ -31,15 +31,15 @@ def _rgb_and_arap(config: FitConfig) -> FitConfig:
     kept = {"rgb": solver.weights.rgb, "arap": solver.weights.arap}
     image_solver = ImageSolverConfig(
         iterations=solver.iterations,
-        # Without the preconditioner the rates of single anchors count, and must be smaller.
-        turn_rate=solver.turn_rate / 4,
-        shift_rate=solver.shift_rate / 4,
         smoothing=0.0,
         arap_norm=SQUARES,
         weights=LossWeights(**{**off, **kept}),
     )
-    driver = dataclasses.replace(config.driver, image_solver=image_solver)
-    return dataclasses.replace(config, driver=driver)
+    return dataclasses.replace(
+        config,
+        driver=dataclasses.replace(config.driver, image_solver=image_solver),
+        smoothing=dataclasses.replace(config.smoothing, strength=0.0),
+    )
 
 
 _NO_MATCHES = {"deform": False, "group": False, "region_growing": False, "refinement": False}

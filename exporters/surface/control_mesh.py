@@ -36,7 +36,7 @@ REACH_CELLS = 2
 """How far the surface may lie from a thin disk that it is made of."""
 
 CRUMB_CELLS = 8
-"""A piece of the simplified mesh that is shorter has come off a larger one."""
+"""A piece that is shorter, and than half of every real one, has come off in simplification."""
 
 _WELL_USED, _ROUNDS = 0.97, 5  # share of the budget that ends the search for it
 
@@ -99,12 +99,13 @@ def _surface(ellipsoids: Ellipsoids, grid: Grid, face_count: int) -> tuple[np.nd
 
     field = grid.absorption(ellipsoids.widened(BLUR_CELLS * grid.pitch), FAINTEST)
     level = matching_level(field, ellipsoids, grid)
-    field = without_strays(field, level, ellipsoids, grid)
+    field, shortest = without_strays(field, level, ellipsoids, grid)
     cells, triangles, _, _ = marching_cubes(
         np.pad(field, 1), level, gradient_direction="ascent", allow_degenerate=False
     )
     positions = (cells - 1) * grid.pitch + grid.origin
-    return _simplified(positions, triangles, face_count, CRUMB_CELLS * grid.pitch)
+    crumb_length = min(CRUMB_CELLS * grid.pitch, shortest / 2)
+    return _simplified(positions, triangles, face_count, crumb_length)
 
 
 def _grid_around(ellipsoids: Ellipsoids) -> Grid:

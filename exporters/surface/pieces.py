@@ -56,15 +56,19 @@ def near_others(ellipsoids: Ellipsoids) -> np.ndarray:
 
 def without_strays(
     field: np.ndarray, level: float, ellipsoids: Ellipsoids, grid: Grid
-) -> np.ndarray:
-    """Return the field with hollows filled and stray pieces emptied.
+) -> tuple[np.ndarray, float]:
+    """Fill hollows and empty stray pieces.
 
     Args:
         field: Absorption in the cells, float32.
         level: Where the surface lies.
         ellipsoids: The Gaussians that made it.
         grid: The cells.
+
+    Returns:
+        The new field, and the diagonal of the smallest box around a piece that stays [scene unit].
     """
+    from scipy import ndimage
     from skimage import measure
 
     field = np.where(_is_hollow(field < level), np.float32(2 * level), field)
@@ -74,8 +78,14 @@ def without_strays(
         holder, weights=ellipsoids.opacities * (holder > 0), minlength=int(piece.max()) + 1
     )
     is_kept = _is_real(masses, ellipsoids)
+    sizes = [
+        [side.stop - side.start for side in box]
+        for box, is_real in zip(ndimage.find_objects(piece), is_kept[1:], strict=True)
+        if is_real
+    ]
     is_kept[0] = True  # what lies outside stays as it is, for the surface to lie between cells
-    return np.where(is_kept[piece], field, np.float32(0))
+    shortest = float(np.linalg.norm(sizes, axis=1).min()) * grid.pitch
+    return np.where(is_kept[piece], field, np.float32(0)), shortest
 
 
 def _is_hollow(is_empty: np.ndarray) -> np.ndarray:

@@ -180,6 +180,16 @@ def test_few_gaussians_become_blobs(count: int) -> None:
     np.testing.assert_allclose(np.ptp(mesh.positions[:, 1]) / 2, radius, rtol=0.1)
 
 
+def test_small_parts_far_apart_are_all_kept() -> None:
+    """Three Gaussians a few cells wide."""
+    splats = dataclasses.replace(clips.static().splats, opacities=[0.8, 0.9, 0.9])
+    mesh = control_mesh(solids.clip_of(splats), FACES)
+    assert checked(mesh).body_count == 3
+    distances = np.linalg.norm(mesh.positions[:, None] - np.eye(3), axis=2)
+    assert set(distances.argmin(axis=1)) == {0, 1, 2}
+    assert distances.min(axis=1).max() < 3 * 0.03
+
+
 def test_a_ghost_has_a_surface_too() -> None:
     splats = dataclasses.replace(solids.ball(), opacities=np.full(800, 0.1))
     mesh = control_mesh(solids.clip_of(splats), FACES)
