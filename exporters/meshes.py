@@ -17,7 +17,7 @@ def meshes_of(clip: Clip, options: ExportOptions) -> tuple[SkinnedMesh, ...]:
         `surface`, `carrier`, both in this order, or none.
 
     Raises:
-        ClipError: If the Gaussians have no surface: all too faint.
+        ClipError: If there is no surface: Gaussians too faint, or too few triangles allowed.
     """
     meshes = []
     if options.mesh in ("surface", "both"):
