@@ -49,7 +49,7 @@ try {
   page.on("pageerror", (error) => complaints.push(error.message));
   page.on("console", (message) => message.type() === "error" && complaints.push(message.text()));
   await page.route(/^http/, serve);
-  await page.goto(job.url);
+  await page.goto(job.url, { waitUntil: "commit", timeout: 300_000 });
   const deadline_ms = Date.now() + 300_000;
   while (!complaints.length && !(await page.evaluate(() => document.documentElement.dataset.state))) {
     if (Date.now() > deadline_ms) complaints.push("nothing was drawn for five minutes");
