@@ -28,8 +28,8 @@ logger = logging.getLogger(__name__)
 class RgbOnlyConfig:
     """The optimizer, as that of the image stage, without its preconditioner."""
 
-    iterations: int = 50
-    """Adam steps a frame."""
+    iterations: int = 100
+    """Adam steps a frame; more, or larger ones, only make the held-out views worse."""
     turn_rate: float = 4e-3
     """Learning rate of the quaternions."""
     shift_rate: float = 1e-3
