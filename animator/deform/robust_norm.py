@@ -1,7 +1,7 @@
 """How much a residual costs: quadratic while small, bounded once it is clearly meant."""
 
 import dataclasses
-from typing import TypeVar
+from typing import TypeVar, cast
 
 import numpy as np
 import torch
@@ -26,8 +26,10 @@ class RobustNorm:
 
     def cost(self, squared: _Array) -> _Array:
         """Return the cost of squared residuals, of their shape."""
-        return squared * (self.floor + (1.0 - self.floor) / (1.0 + squared / self.reach**2))
+        kept = self.floor + (1.0 - self.floor) / (1.0 + squared / self.reach**2)
+        return cast(_Array, squared * kept)
 
     def weight(self, squared: _Array) -> _Array:
         """Return the slope of the cost: the weight in iteratively reweighted least squares."""
-        return self.floor + (1.0 - self.floor) / (1.0 + squared / self.reach**2) ** 2
+        kept = self.floor + (1.0 - self.floor) / (1.0 + squared / self.reach**2) ** 2
+        return cast(_Array, kept)

@@ -105,8 +105,9 @@ def find_claims(
 
     tree = KDTree(place_and_color(drawn.centers_px[free_ids], drawn.colors[free_ids]))
     wanted_colors = frame.rgb[wanted[:, 0], wanted[:, 1]]
-    distances, nearest = tree.query(
-        place_and_color(pixels, wanted_colors), distance_upper_bound=1.0
+    distances, nearest = (
+        np.asarray(found)
+        for found in tree.query(place_and_color(pixels, wanted_colors), distance_upper_bound=1.0)
     )
     reached = np.isfinite(distances)
     if reached.sum() < _FEWEST:
