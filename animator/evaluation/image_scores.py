@@ -65,7 +65,7 @@ def structural_similarity(first: np.ndarray, second: np.ndarray) -> float:
     """Return the mean SSIM of two pictures 0..1, shapes (H, W, 3), the border included."""
     from skimage import metrics
 
-    _, local = metrics.structural_similarity(
+    result = metrics.structural_similarity(
         first,
         second,
         data_range=1.0,
@@ -75,7 +75,7 @@ def structural_similarity(first: np.ndarray, second: np.ndarray) -> float:
         use_sample_covariance=False,
         full=True,
     )
-    return float(local.mean(dtype=np.float64))
+    return float(np.mean(result[1], dtype=np.float64))
 
 
 def mean_scores(scores: Sequence[ImageScores]) -> ImageScores:

@@ -32,8 +32,8 @@ def load_judges(lpips_weights: Sequence[Path] = ()) -> dict[str, Judge]:
     else:
 
         def whole(drawn: np.ndarray, true: np.ndarray) -> float:
-            images = (np.ascontiguousarray(image, np.float32) for image in (true, drawn))
-            return float(flip_evaluator.evaluate(*images, "LDR", applyMagma=False)[1])
+            true, drawn = (np.ascontiguousarray(image, np.float32) for image in (true, drawn))
+            return float(flip_evaluator.evaluate(true, drawn, "LDR", applyMagma=False)[1])
 
         judges["flip"] = lambda drawn, true: _where_not_black(whole, drawn, true)
     if lpips_weights:

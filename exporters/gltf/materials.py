@@ -1,6 +1,7 @@
 """The materials of a document: colors that already contain the light."""
 
 import functools
+from typing import Any
 
 import pygltflib
 
@@ -42,7 +43,7 @@ class Materials:
         """Index of the material of a closed surface: opaque, seen from outside only."""
         return self._add(name="surface_colors", alphaCutoff=None)
 
-    def _add(self, **fields: object) -> int:
+    def _add(self, **fields: Any) -> int:
         """Add an unlit material: a splat's color already contains the light."""
         self._document.materials.append(
             pygltflib.Material(

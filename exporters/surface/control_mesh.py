@@ -141,7 +141,7 @@ def _simplified(
     target = face_count
     for _ in range(_ROUNDS):
         found = fast_simplification.simplify(
-            positions.astype(np.float32), triangles.astype(np.int32), target_count=target
+            positions.astype(np.float64), triangles.astype(np.int32), target_count=target
         )
         found = solid_pieces(*closed(*found), crumb_length)
         if len(best[1]) < len(found[1]) <= face_count:

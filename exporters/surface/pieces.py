@@ -72,7 +72,7 @@ def without_strays(
     from skimage import measure
 
     field = np.where(_is_hollow(field < level), np.float32(2 * level), field)
-    piece = measure.label(field >= level, connectivity=3)
+    piece = np.asarray(measure.label(field >= level, connectivity=3))
     holder = piece[grid.nearest(ellipsoids.centers)]
     masses = np.bincount(
         holder, weights=ellipsoids.opacities * (holder > 0), minlength=int(piece.max()) + 1
@@ -101,7 +101,7 @@ def _is_hollow(is_empty: np.ndarray) -> np.ndarray:
     is_wide = ndimage.binary_erosion(is_empty, iterations=LEAK_CELLS, border_value=1)
     chambers = np.zeros(is_empty.shape, bool)
     for spaces in (is_empty, is_wide):
-        space = measure.label(spaces, connectivity=1)
+        space = np.asarray(measure.label(spaces, connectivity=1))
         chambers |= (space > 0) & (space != space[0, 0, 0])
     chambers = ndimage.binary_dilation(chambers, iterations=LEAK_CELLS, mask=is_empty)
     inner = (slice(LEAK_CELLS + 1, -LEAK_CELLS - 1),) * 3
