@@ -26,10 +26,10 @@ def bind_material(
         stage: Receives the material.
         mesh: The prim of `skinned`, with displayColor and, unless closed, displayOpacity.
         skinned: The mesh; a closed one is opaque.
-        path: Where the material goes.
+        path: Where the material goes; directly below the root, for Blender makes an empty of what
+            lies between, and validators ask for its type.
         alpha_cutoff: Opacity below which a tool that does not blend leaves a face out, 0..1.
     """
-    # No Scope above it: Blender would make an empty of it.
     material = UsdShade.Material.Define(stage, path)
     surface = UsdShade.Shader.Define(stage, f"{path}/Surface")
     surface.CreateIdAttr("UsdPreviewSurface")

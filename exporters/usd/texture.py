@@ -59,7 +59,6 @@ def _save_png(pixels: np.ndarray, path: Path) -> None:
 
 def _define_material(stage: Usd.Stage, path: str, asset_path: str) -> UsdShade.Material:
     types = Sdf.ValueTypeNames
-    UsdGeom.Scope.Define(stage, Sdf.Path(path).GetParentPath())
     material = UsdShade.Material.Define(stage, path)
     reader = UsdShade.Shader.Define(stage, f"{path}/Coordinates")
     reader.CreateIdAttr("UsdPrimvarReader_float2")

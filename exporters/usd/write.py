@@ -34,7 +34,7 @@ def write_usd_rig(
       /Camera        Camera, if the clip has one
       /Splats        with `usd_splats`: ParticleField3DGaussianSplat, time-sampled, not selected; see
                      `exporters.usd.representation`
-      /Materials     one a mesh, which shows its colors
+      /CarrierMaterial, or /SurfaceMaterial: what shows the mesh's colors
     ```
 
     Time codes are `times_s * fps` from 0. Axis and unit are the clip's own, named in the stage.
@@ -66,7 +66,7 @@ def write_usd_rig(
         for mesh in meshes:
             prim_name = mesh.name.capitalize()
             prim = define_skinned_mesh(stage, mesh, f"{root_path}/{prim_name}", skeleton)
-            material_path = f"{root_path}/Materials/{prim_name}"
+            material_path = f"{root_path}/{prim_name}Material"
             if options.texture and mesh.is_closed:
                 beside += bind_texture(stage, prim, mesh, material_path, Path(path))
             else:

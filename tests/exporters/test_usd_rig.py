@@ -112,11 +112,10 @@ def test_layout(tmp_path):
         "/hinge/Skel/Anim": "SkelAnimation",
         "/hinge/Carrier": "Mesh",
         "/hinge/Camera": "Camera",
-        "/hinge/Materials": "",
-        "/hinge/Materials/Carrier": "Material",
-        "/hinge/Materials/Carrier/Surface": "Shader",
-        "/hinge/Materials/Carrier/Color": "Shader",
-        "/hinge/Materials/Carrier/Black": "Shader",
+        "/hinge/CarrierMaterial": "Material",
+        "/hinge/CarrierMaterial/Surface": "Shader",
+        "/hinge/CarrierMaterial/Color": "Shader",
+        "/hinge/CarrierMaterial/Black": "Shader",
     }
 
 

@@ -62,9 +62,15 @@ def test_quads_are_where_pose_at_says(fitted_lamp: Clip) -> None:
     np.testing.assert_allclose(centers, truth, atol=1e-5)
 
 
-def test_usd_comes_with_its_colors_and_nothing_to_tidy_up(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [("Carrier", ExportOptions()), ("Surface", ExportOptions(mesh="surface", texture=True))],
+)
+def test_usd_comes_with_its_colors_and_nothing_to_tidy_up(
+    name: str, options: ExportOptions, tmp_path: Path
+) -> None:
     path = tmp_path / "hinge.usdc"
-    export_clip(clips.hinge(), path)
+    export_clip(clips.hinge(), path, options)
     scene = play_in_blender(path, [0.0], fps=24.0).scene
     assert sorted(scene["objects"].values()) == ["ARMATURE", "CAMERA", "EMPTY", "MESH"]
-    assert scene["materials"] == {"Carrier": ["Carrier"]}
+    assert scene["materials"] == {name: [f"{name}Material"]}
