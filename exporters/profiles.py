@@ -45,7 +45,8 @@ PROFILES: dict[str, Profile] = {
         known="ran",
         because=(
             "A new scene runs at 24 and stays there on import, one time code a frame; Z-up meters "
-            "come in without a turned or scaled object; splats would come in as loose points."
+            "come in without a turned or scaled object; the splats of a glTF file would come in as "
+            "loose points, in a collection that is switched off."
         ),
     ),
     "unreal": Profile(
