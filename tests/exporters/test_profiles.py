@@ -22,7 +22,7 @@ from tests.helpers.validators import gltf_issues, usd_errors
 
 JOINTS = 300
 QUICK_LOOK_TYPES = {
-    *("SkelRoot", "Skeleton", "SkelAnimation", "Mesh", "Scope", "Material", "Shader"),
+    *("SkelRoot", "Skeleton", "SkelAnimation", "Mesh", "Material", "Shader"),
 }
 
 
