@@ -1,5 +1,6 @@
 """Boxes around Gaussians."""
 
+import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -26,30 +27,34 @@ def ellipsoid_half_widths(quats_wxyz: np.ndarray, scales: np.ndarray) -> np.ndar
     return EXTENT_SIGMAS * np.sqrt(np.einsum("nij,nij->ni", axes, axes))
 
 
-def ellipsoid_extent(posed: Posed, scales: np.ndarray) -> np.ndarray:
-    """Return the tight box around all 3-sigma ellipsoids.
+class Ellipsoids:
+    """The 3-sigma ellipsoids of Gaussians, whose box is asked for again and again as they move.
 
     Only the ellipsoids that may reach a side are looked at: those whose largest radius passes every
     other's smallest one.
-
-    Args:
-        posed: Centers and rotations.
-        scales: Standard deviations [scene unit], shape (N, 3).
-
-    Returns:
-        Rows min and max [scene unit], float32, shape (2, 3).
     """
-    columns = scales.T
-    inner = EXTENT_SIGMAS * np.minimum(np.minimum(columns[0], columns[1]), columns[2])
-    outer = EXTENT_SIGMAS * np.maximum(np.maximum(columns[0], columns[1]), columns[2])
-    outer *= 1 + ROUNDING_MARGIN
-    candidates = np.zeros(len(scales), dtype=bool)
-    for coordinates in posed.positions.T:  # by column: numpy is slow on short rows
-        candidates |= coordinates - outer <= (coordinates - inner).min()
-        candidates |= coordinates + outer >= (coordinates + inner).max()
-    positions = posed.positions[candidates]
-    half_widths = ellipsoid_half_widths(posed.quats_wxyz[candidates], scales[candidates])
-    return point_extent(np.concatenate([positions - half_widths, positions + half_widths]))
+
+    def __init__(self, scales: np.ndarray) -> None:
+        """Prepare what does not change with the pose.
+
+        Args:
+            scales: Standard deviations [scene unit], shape (N, 3).
+        """
+        self._scales = scales
+        self._inner = EXTENT_SIGMAS * functools.reduce(np.minimum, scales.T)
+        self._outer = EXTENT_SIGMAS * functools.reduce(np.maximum, scales.T)
+        self._outer *= 1 + ROUNDING_MARGIN
+
+    def extent(self, posed: Posed) -> np.ndarray:
+        """Return the tight box around all, rows min and max [scene unit], float32, shape (2, 3)."""
+        may_reach = np.zeros(len(self._scales), dtype=bool)
+        for coordinates in np.ascontiguousarray(posed.positions.T):  # numpy is slow on short rows
+            may_reach |= coordinates - self._outer <= (coordinates - self._inner).min()
+            may_reach |= coordinates + self._outer >= (coordinates + self._inner).max()
+        few = np.flatnonzero(may_reach)
+        positions = posed.positions[few]
+        half_widths = ellipsoid_half_widths(posed.quats_wxyz[few], self._scales[few])
+        return point_extent(np.concatenate([positions - half_widths, positions + half_widths]))
 
 
 def point_extent(points: np.ndarray) -> np.ndarray:

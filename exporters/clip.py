@@ -245,4 +245,4 @@ class Clip:
         """Return the box around the 3-sigma ellipsoids [scene unit], min and max, shape (2, 3)."""
         from exporters import bounds
 
-        return bounds.ellipsoid_extent(self.pose_at(time_s), self.splats.scales)
+        return bounds.Ellipsoids(self.splats.scales).extent(self.pose_at(time_s))

@@ -1,5 +1,6 @@
 """Every way in which a clip can break its contract, in words."""
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
@@ -105,7 +106,7 @@ def _splat_problems(splats: Splats) -> Iterator[str]:
         yield from _finite_problems(f"splats.{field}", getattr(splats, field))
     yield from _unit_problems("splats.quats_wxyz", splats.quats_wxyz)
     yield from _count_problems(
-        "splats.scales", ~(splats.scales > 0).all(axis=1), "Gaussians with a scale <= 0"
+        "splats.scales", ~(splats.scales.T > 0).all(axis=0), "Gaussians with a scale <= 0"
     )
     outside = ~((splats.opacities >= 0) & (splats.opacities <= 1))
     yield from _count_problems(
@@ -134,26 +135,29 @@ def _rig_problems(rig: Rig) -> Iterator[str]:
 
 
 def _skin_problems(skin: Skin, joint_count: int) -> Iterator[str]:
+    # One row an influence: numpy is slow on short rows.
+    joint_ids = np.ascontiguousarray(skin.joint_ids.T)
+    weights = np.ascontiguousarray(skin.weights.T)
     yield from _finite_problems("skin.weights", skin.weights)
-    outside = ((skin.joint_ids < 0) | (skin.joint_ids >= joint_count)).any(axis=1)
+    outside = ((joint_ids < 0) | (joint_ids >= joint_count)).any(axis=0)
     yield from _count_problems(
         "skin.joint_ids", outside, f"Gaussians with a joint outside 0..{joint_count - 1}"
     )
     yield from _count_problems(
-        "skin.weights", (skin.weights < 0).any(axis=1), "Gaussians with a negative weight"
+        "skin.weights", (weights < 0).any(axis=0), "Gaussians with a negative weight"
     )
-    sums = skin.weights.sum(axis=1, dtype=np.float64)
+    sums = weights.sum(axis=0, dtype=np.float64)
     yield from _count_problems(
         "skin.weights",
         np.abs(sums - 1) > WEIGHT_SUM_TOLERANCE,
         "Gaussians whose weights do not sum to 1",
     )
     # An unused influence gets an id of its own, below 0, so that only used ones can be equal.
-    unused_ids = -1 - np.arange(skin.joint_ids.shape[1])
-    used = np.sort(np.where(skin.weights > 0, skin.joint_ids, unused_ids), axis=1)
+    used = np.where(weights > 0, joint_ids, -1 - np.arange(len(joint_ids))[:, None])
+    repeated = [(one == other) & (one >= 0) for one, other in itertools.combinations(used, 2)]
     yield from _count_problems(
         "skin.joint_ids",
-        ((used[:, 1:] == used[:, :-1]) & (used[:, 1:] >= 0)).any(axis=1),
+        np.any(repeated, axis=0),
         "Gaussians that follow one joint twice; add the two weights (Blender keeps only the last)",
     )
 
@@ -207,7 +211,7 @@ def _finite_problems(name: str, array: np.ndarray) -> Iterator[str]:
 
 
 def _unit_problems(name: str, quats_wxyz: np.ndarray) -> Iterator[str]:
-    norms = np.linalg.norm(quats_wxyz, axis=-1)
+    norms = np.sqrt(np.einsum("...i,...i->...", quats_wxyz, quats_wxyz))
     yield from _count_problems(
         name, ~(np.abs(norms - 1) <= UNIT_TOLERANCE), "quaternions that are not of unit length"
     )

@@ -59,11 +59,12 @@ def write_splats(
         rows = _harmonics_rows(clip.splats.sh_coeffs, is_half=is_half)
         harmonics.Set(vector_type.FromNumpy(rows))
 
+    ellipsoids = bounds.Ellipsoids(clip.splats.scales)
     extents = []
     codes = range(keyframes.frame_count(clip))
     with writing_samples(stage, arrays, codes) as write:
         for frame in bake_frames(clip, progress, rotate_sh=rotate_sh):
-            extents.append(bounds.ellipsoid_extent(frame.posed, clip.splats.scales))
+            extents.append(ellipsoids.extent(frame.posed))
             write(*_sampled_rows(frame, extents[-1], is_half=is_half))
     return bounds.point_extent(np.concatenate(extents))
 
