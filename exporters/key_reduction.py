@@ -11,15 +11,18 @@ same ones. `key_spans` bounds what is lost between the keys, too; from there to 
 
 import dataclasses
 import logging
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse
 
 from exporters import bounds, keyframes, posing
 from exporters.clip import Clip, Tracks
 from exporters.errors import WriteError
 from exporters.key_spans import SpanErrors, Spans, span_errors
 from exporters.options import ExportOptions
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 ROUNDING_RAD = 1e-9
 """Turns that double precision cannot tell from none [rad]: what a tolerance of 0 means."""
@@ -198,17 +201,17 @@ def _farthest_keys(spans: Spans, used: np.ndarray, is_over: np.ndarray) -> np.nd
     return farthest.reshape(joint_count, segment_count).T
 
 
-def _shift_matrix(clip: Clip) -> scipy.sparse.csr_array:
+def _shift_matrix(clip: Clip) -> "csr_array":
     """Return the matrix from rows of stacked (3, 4) joint matrices to skinned centers, (N, 4 J)."""
+    from scipy.sparse import csr_array  # slow to import, and needed for a tolerance only
+
     skin, count = clip.skin, len(clip.splats)
     points = np.concatenate([clip.splats.positions, np.ones((count, 1))], axis=1)
     weights = skin.weights / skin.weights.sum(axis=1, keepdims=True)
     values = weights[:, :, None] * points[:, None, :]
     columns = 4 * skin.joint_ids[:, :, None] + np.arange(4)
     ends = np.arange(0, values.size + 1, values[0].size)
-    return scipy.sparse.csr_array(
-        (values.ravel(), columns.ravel(), ends), shape=(count, 4 * len(clip.rig))
-    )
+    return csr_array((values.ravel(), columns.ravel(), ends), shape=(count, 4 * len(clip.rig)))
 
 
 def _check(options: ExportOptions) -> None:

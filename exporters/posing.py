@@ -2,12 +2,15 @@
 
 import dataclasses
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse
 
 from exporters import quaternions
 from exporters.clip import Posed, Rig, Skin, Splats
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 BLOCK_ROWS = 8192
 """Gaussians posed at a time: few enough for the processor's cache, which halves the time."""
@@ -90,7 +93,7 @@ class _Block:
     """Shape (B, 4)."""
     weights: np.ndarray
     """Rows sum to 1, float32, shape (B, 4)."""
-    weight_matrix: scipy.sparse.csr_array
+    weight_matrix: "csr_array"
     """The same, shape (B, J)."""
     rest_centers: np.ndarray
     """One column after the other, shape (3, B)."""
@@ -143,10 +146,11 @@ def _blocks(splats: Splats, skin: Skin, joint_count: int) -> Iterator[_Block]:
         )
 
 
-def _matrix(joint_ids: np.ndarray, weights: np.ndarray, joint_count: int) -> scipy.sparse.csr_array:
+def _matrix(joint_ids: np.ndarray, weights: np.ndarray, joint_count: int) -> "csr_array":
     """Return weights as a sparse matrix, shape (B, J): three times as fast as gathering rows."""
+    # A third of a second, which a rig that poses no Gaussians need not wait for.
+    from scipy.sparse import csr_array
+
     count, influences = joint_ids.shape
     ends = np.arange(0, count * influences + 1, influences, dtype=joint_ids.dtype)
-    return scipy.sparse.csr_array(
-        (weights.ravel(), joint_ids.ravel(), ends), shape=(count, joint_count)
-    )
+    return csr_array((weights.ravel(), joint_ids.ravel(), ends), shape=(count, joint_count))

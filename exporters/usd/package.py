@@ -4,7 +4,7 @@ import os
 import time
 from pathlib import Path
 
-from pxr import Sdf, UsdUtils
+from pxr import Sdf
 
 from exporters.errors import WriteError
 
@@ -25,6 +25,8 @@ def pack(layer_path: Path, package_path: Path) -> None:
     Raises:
         WriteError: If USD cannot pack it.
     """
+    from pxr import UsdUtils  # which other files need not wait for
+
     parts = [path for path in sorted(layer_path.parent.iterdir()) if path != package_path]
     # A zip stores local time: this moment is written alike everywhere, so that the bytes are too.
     moment_s = time.mktime(_LOCAL_TIME)
