@@ -177,7 +177,7 @@ class AnimateOptions:
         200, value_kind.whole(1), METHOD, "wanted anchors; a joint each, and a root"
     )
     iterations: int | None = _option(
-        None, value_kind.whole(1), METHOD, "optimizer steps a frame (fewer is faster)"
+        None, value_kind.whole(1), METHOD, "most optimizer steps a frame (fewer is faster)"
     )
     min_iou: float = _option(
         0.5, value_kind.share(), METHOD, "quality gate: a lower mean silhouette IoU exits with 4"

@@ -57,7 +57,7 @@ def clip_labels(options: AnimateOptions, scene: Scene, first_out: Path) -> ClipL
 
 
 def _driver_config(options: AnimateOptions) -> DriverConfig:
-    """Apply the ablations of the paper (Table 3) and the number of iterations to the defaults."""
+    """Apply the ablations of the paper (Table 3) and the number of steps to the defaults."""
     return DriverConfig(
         use_matches=options.deform,
         rigid=RigidStageConfig(
@@ -77,5 +77,7 @@ def _image_solver_config(options: AnimateOptions) -> ImageSolverConfig:
     return dataclasses.replace(
         defaults,
         weights=weights,
-        iterations=options.iterations or defaults.iterations,
+        pace=dataclasses.replace(
+            defaults.pace, most_steps=options.iterations or defaults.pace.most_steps
+        ),
     )

@@ -6,6 +6,7 @@ Laplacian smoother of the anchor graph, P = (I + s L)^-1, so that a step moves a
 """
 
 import dataclasses
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -13,6 +14,7 @@ import torch
 
 from animator import quaternions
 from animator.deform import losses
+from animator.deform.pace import Pace, PaceConfig
 from animator.deform.robust_norm import RobustNorm
 from animator.deform.skinning import Skinner
 from animator.types import AnchorPoses, Anchors, Camera, GaussianMatches, Gaussians
@@ -49,14 +51,12 @@ class LossWeights:
 class ImageSolverConfig:
     """The optimizer of the image stage."""
 
-    iterations: int = 50
-    """Adam steps a frame."""
     turn_rate: float = 1.6e-2
     """Learning rate of the quaternions."""
     shift_rate: float = 4e-3
     """Learning rate of the translations [diagonals]."""
-    final_rate: float = 0.1
-    """Share of the learning rate left at the last step (exponential decay)."""
+    pace: PaceConfig = dataclasses.field(default_factory=PaceConfig)
+    """How many Adam steps a frame gets."""
     smoothing: float = 4.0
     """Strength s of the preconditioner; 0 is plain Adam."""
     arap_norm: RobustNorm = RobustNorm(reach=0.004, floor=0.1)
@@ -162,18 +162,19 @@ class ImageSolver:
             ],
             betas=(0.9, 0.99),
         )
-        decay = torch.optim.lr_scheduler.ExponentialLR(
-            optimizer, config.final_rate ** (1.0 / max(config.iterations, 1))
-        )
+        pace = Pace(config.pace)
+        schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda _: pace.rate)
         posed = self.pose(start)
-        for step in range(config.iterations):
+        for step in itertools.takewhile(lambda _: pace.goes_on, itertools.count()):
             pairs = rigid_pairs(step, posed)
             optimizer.zero_grad()
             poses = self._step_from(start, turns, shifts)
             live = self.pose(poses)
-            self._total_loss(target, poses, live, previous, pairs).backward()
+            loss = self._total_loss(target, poses, live, previous, pairs)
+            loss.backward()
             optimizer.step()
-            decay.step()
+            pace.note(loss.item())
+            schedule.step()
             posed = live.posed(live.means.detach(), live.quats_wxyz.detach())
         with torch.no_grad():
             return self._step_from(start, turns, shifts)

@@ -31,7 +31,7 @@ def _rgb_and_arap(config: FitConfig) -> FitConfig:
     kept = {"rgb": solver.weights.rgb, "arap": solver.weights.arap}
     image_solver = ImageSolverConfig(
         # Without the preconditioner it takes three times the steps to get as far.
-        iterations=3 * solver.iterations,
+        pace=dataclasses.replace(solver.pace, most_steps=3 * solver.pace.most_steps),
         smoothing=0.0,
         arap_norm=SQUARES,
         weights=LossWeights(**{**off, **kept}),

@@ -176,8 +176,7 @@ class Driver:
                 start, start_name = claimed, "claims"
             watch.lap("claims")
 
-        steps = self._config.image_solver.iterations
-        groups = self._rigid_stage.begin(previous.groups, matches, target, steps, rng)
+        groups = self._rigid_stage.begin(previous.groups, matches, target, rng)
         watch.lap("rigid groups")
         poses = self._image_solver.solve(
             dataclasses.replace(target, matches=matches), start, previous.poses, rigid_pairs=groups

@@ -28,8 +28,8 @@ class RigidStageConfig:
     and no group is grown."""
     pnp_threshold: float = 0.01
     """PnP-RANSAC reprojection threshold [object sizes]."""
-    refine_at: tuple[float, ...] = (0.4, 0.6, 0.8)
-    """When groups are refined [share of the image stage]."""
+    refine_at: tuple[int, ...] = (20, 40, 60)
+    """Steps of the image stage before which groups are refined; a short one has not all of them."""
     pairs: int = 4096
     """Pairs of Gaussians that Eq. 4 is averaged over."""
     growing: GrowingConfig = dataclasses.field(default_factory=GrowingConfig)
@@ -51,15 +51,12 @@ class RigidStage:
         groups: RigidGroups,
         matches: GaussianMatches | None,
         target: FrameTarget,
-        steps: int,
         rng: np.random.Generator,
     ) -> "FrameGroups":
-        """Update the groups from a frame's matches, before its image stage of `steps` steps."""
+        """Update the groups from a frame's matches, before its image stage."""
         if matches is not None:
             groups = self._match(groups, matches, target, rng)
-        refine_steps = {int(share * steps) for share in self.config.refine_at}
-        if not self.config.use_refinement:
-            refine_steps = set()
+        refine_steps = self.config.refine_at if self.config.use_refinement else ()
         return FrameGroups(
             self._refiner, self._refiner.adopt(groups), self.config.pairs, refine_steps, rng
         )
@@ -97,7 +94,7 @@ class FrameGroups:
         refiner: GroupRefiner,
         probe_labels: np.ndarray,
         pair_count: int,
-        refine_steps: set[int],
+        refine_steps: tuple[int, ...],
         rng: np.random.Generator,
     ) -> None:
         self._refiner = refiner

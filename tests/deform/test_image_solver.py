@@ -15,6 +15,7 @@ from animator.deform.image_solver import (
     _laplacian_smoother,
     project,
 )
+from animator.deform.pace import PaceConfig
 from animator.render.cpu import CpuRenderer
 from animator.types import AnchorPoses, Anchors
 from tests.helpers.objects import front_camera
@@ -36,7 +37,7 @@ def rigid(anchors: Anchors, degrees: float, shift: list[float]) -> AnchorPoses:
     return AnchorPoses(quats_wxyz=quats, translations=moved - anchors.positions)
 
 
-def solver(box, iterations: int = 50, **weights: float) -> ImageSolver:
+def solver(box, most_steps: int = 50, **weights: float) -> ImageSolver:
     gaussians, anchors = box
     renderer = CpuRenderer()
 
@@ -45,7 +46,8 @@ def solver(box, iterations: int = 50, **weights: float) -> ImageSolver:
         return rendering.rgb, rendering.alpha
 
     config = ImageSolverConfig(
-        iterations=iterations, weights=dataclasses.replace(LossWeights(), **weights)
+        pace=PaceConfig(most_steps=most_steps),
+        weights=dataclasses.replace(LossWeights(), **weights),
     )
     return ImageSolver(gaussians, anchors, draw, config)
 
@@ -58,7 +60,7 @@ def target_of(image_solver: ImageSolver, poses: AnchorPoses) -> FrameTarget:
 
 def test_recovers_a_small_motion_from_pixels_alone(box):
     gaussians, anchors = box
-    image_solver = solver(box, iterations=100, rest=0.0)
+    image_solver = solver(box, most_steps=100, rest=0.0)
     truth = rigid(anchors, 6.0, [0.05, -0.03, 0.0])
     target = target_of(image_solver, truth)
     rest = AnchorPoses.identity(anchors)
@@ -80,7 +82,7 @@ def test_an_explained_frame_moves_nothing(box):
 
 def test_no_step_is_the_start(box):
     image_solver = solver(box)
-    still = ImageSolver(*box, image_solver._draw, ImageSolverConfig(iterations=0))
+    still = ImageSolver(*box, image_solver._draw, ImageSolverConfig(pace=PaceConfig(most_steps=0)))
     start = rigid(box[1], 10.0, [0.1, 0.0, 0.0])
     target = target_of(image_solver, AnchorPoses.identity(box[1]))
     solved = still.solve(target, start, start)
@@ -98,7 +100,8 @@ def test_rigid_pairs_are_asked_for_before_every_step(box):
         rest,
         rigid_pairs=lambda step, posed: asked.append((step, posed.means.requires_grad)),
     )
-    assert [step for step, _ in asked] == list(range(50))
+    assert [step for step, _ in asked] == list(range(len(asked)))
+    assert 45 <= len(asked) <= 50
     assert not any(grad for _, grad in asked[1:])
 
 

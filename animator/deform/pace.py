@@ -1,0 +1,56 @@
+"""How long one solve goes on: at full speed while the loss falls, then a few steps to settle.
+
+A frame like the last one is solved in a few dozen steps, a large motion takes hundreds; one number of
+steps for all leaves the large ones half way.
+"""
+
+import dataclasses
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class PaceConfig:
+    """When the steps of an iteration get smaller, and when they end."""
+
+    most_steps: int = 200
+    """Steps after which it ends in any case."""
+    window: int = 10
+    """Steps over which losses are summed to tell whether they still fall."""
+    gain: float = 0.02
+    """Share by which a window must be better than the one before to go on at full speed."""
+    settling_steps: int = 25
+    """Steps from full speed to the end."""
+    final_rate: float = 0.1
+    """Share of the learning rate left at the last step (exponential decay)."""
+
+
+class Pace:
+    """Paces one solve: `rate` is the share of the learning rate for the next step."""
+
+    def __init__(self, config: PaceConfig) -> None:
+        self._config = config
+        self._losses: list[float] = []
+        self._settling_steps = min(config.settling_steps, config.most_steps)
+        self._settles_at = config.most_steps - self._settling_steps
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether there is a next step."""
+        return len(self._losses) < self._settles_at + self._settling_steps
+
+    @property
+    def rate(self) -> float:
+        """Share of the learning rate for the next step."""
+        settled = max(len(self._losses) - self._settles_at, 0)
+        return self._config.final_rate ** (settled / max(self._settling_steps, 1))
+
+    def note(self, loss: float) -> None:
+        """Take note of the loss before the step that was just made."""
+        self._losses.append(loss)
+        window = self._config.window
+        count = len(self._losses)
+        if count >= self._settles_at or count % window or count < 2 * window:
+            return
+        before = sum(self._losses[-2 * window : -window])
+        now = sum(self._losses[-window:])
+        if before - now < self._config.gain * before:
+            self._settles_at = count
