@@ -1,9 +1,10 @@
 """The whole method, one line a stage: read this file first.
 
-scene -> camera -> anchors -> frame-by-frame tracking -> smoothing -> in-betweens -> clip
+scene -> camera -> anchors -> frame-by-frame tracking -> steadying -> in-betweens -> clip
 """
 
 import dataclasses
+import logging
 from collections.abc import Callable, Sequence
 from typing import Literal
 
@@ -18,6 +19,7 @@ from animator.scene import Scene
 from animator.sequence.cameras import locate_cameras
 from animator.sequence.driver import ClipProblem, Driver, DriverConfig
 from animator.sequence.interpolation import InterpolationConfig, interpolate
+from animator.sequence.rigid_body import RigidBodyConfig, as_rigid_body
 from animator.sequence.smoothing import SmoothingConfig, smooth_tracks
 from animator.sequence.solved_frame import SolvedFrame
 from animator.threads import same_bytes_on_any_threads
@@ -30,6 +32,8 @@ from animator.types import (
     RigidGroups,
 )
 from exporters.clip import Clip
+
+logger = logging.getLogger(__name__)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -51,6 +55,7 @@ class FitConfig:
     seed: int = 0
     """Seed of every random choice."""
     driver: DriverConfig = dataclasses.field(default_factory=DriverConfig)
+    rigid_body: RigidBodyConfig = dataclasses.field(default_factory=RigidBodyConfig)
     smoothing: SmoothingConfig = dataclasses.field(default_factory=SmoothingConfig)
     interpolation: InterpolationConfig = dataclasses.field(default_factory=InterpolationConfig)
 
@@ -106,7 +111,7 @@ def fit(
         follow_camera=config.moving_camera,
     )
     solved = _track(Driver(problem, config.driver), resume_from, on_frame)
-    solved = _smooth(solved, gaussians.diagonal, config.smoothing)
+    solved = _steadied(solved, anchors, gaussians.diagonal, config)
     groups = groups_of_anchors(solved[-1].groups, gaussians, anchors)
     keys = _keys(solved, scene, anchors, groups, labels.fps, config)
     clip = bake_clip(gaussians, anchors, groups, keys, labels)
@@ -133,10 +138,15 @@ def _track(
     return solved
 
 
-def _smooth(
-    solved: Sequence[SolvedFrame], diagonal: float, config: SmoothingConfig
+def _steadied(
+    solved: Sequence[SolvedFrame], anchors: Anchors, diagonal: float, config: FitConfig
 ) -> list[SolvedFrame]:
-    tracks = smooth_tracks([frame.poses for frame in solved], diagonal, config)
+    """Take out of the tracks what is noise from one frame to the next."""
+    tracks = smooth_tracks([frame.poses for frame in solved], diagonal, config.smoothing)
+    rigid = as_rigid_body(tracks, anchors, diagonal, config.rigid_body)
+    if rigid is not None:
+        logger.info("the object moves as one rigid body: it is kept exactly rigid")
+        tracks = rigid
     return [
         dataclasses.replace(frame, poses=poses) for frame, poses in zip(solved, tracks, strict=True)
     ]

@@ -39,6 +39,7 @@ def _rgb_and_arap(config: FitConfig) -> FitConfig:
     return dataclasses.replace(
         config,
         driver=dataclasses.replace(config.driver, image_solver=image_solver),
+        rigid_body=dataclasses.replace(config.rigid_body, residual=0.0),
         smoothing=dataclasses.replace(config.smoothing, strength=0.0),
     )
 
