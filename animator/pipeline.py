@@ -20,7 +20,7 @@ from animator.sequence.cameras import locate_cameras
 from animator.sequence.driver import ClipProblem, Driver, DriverConfig
 from animator.sequence.interpolation import InterpolationConfig, interpolate
 from animator.sequence.rigid_body import RigidBodyConfig, as_rigid_body
-from animator.sequence.smoothing import SmoothingConfig, smooth_tracks
+from animator.sequence.smoothing import SmoothingConfig, beliefs_in, smooth_tracks
 from animator.sequence.solved_frame import SolvedFrame
 from animator.threads import same_bytes_on_any_threads
 from animator.types import (
@@ -142,7 +142,8 @@ def _steadied(
     solved: Sequence[SolvedFrame], anchors: Anchors, diagonal: float, config: FitConfig
 ) -> list[SolvedFrame]:
     """Take out of the tracks what is noise from one frame to the next."""
-    tracks = smooth_tracks([frame.poses for frame in solved], diagonal, config.smoothing)
+    beliefs = beliefs_in(solved, anchors, diagonal, config.smoothing)
+    tracks = smooth_tracks([frame.poses for frame in solved], diagonal, config.smoothing, beliefs)
     rigid = as_rigid_body(tracks, anchors, diagonal, config.rigid_body)
     if rigid is not None:
         logger.info("the object moves as one rigid body: it is kept exactly rigid")

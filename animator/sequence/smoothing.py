@@ -1,9 +1,11 @@
 """Smoothing of the solved tracks: removes the tremble of frames solved one by one, keeps real motion.
 
 Every frame has its own small error. A Whittaker smoother (1922) minimizes, for each anchor,
-sum |x_t - y_t|^2 + strength * sum cost(|x_{t-1} - 2 x_t + x_{t+1}|^2), y the solved track. With plain
-squares it would also round off real starts and stops; under a robust norm these cost no more than their
-share, and only accelerations as small as the error are smoothed away.
+sum (x_t - y_t)^T B_t (x_t - y_t) + strength * sum cost(|x_{t-1} - 2 x_t + x_{t+1}|^2), y the solved track.
+B_t says how far the frame's solution is to be believed, by direction: less along the viewing ray than
+across it, and less where no match held it. With plain squares of the accelerations it would also round
+off real starts and stops; under a robust norm these cost no more than their share, and only accelerations
+as small as the error are smoothed away.
 """
 
 import dataclasses
@@ -11,9 +13,14 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
+from scipy.linalg import solveh_banded
 
 from animator.deform.robust_norm import RobustNorm
-from animator.types import AnchorPoses
+from animator.sequence.solved_frame import SolvedFrame
+from animator.types import AnchorPoses, Anchors
+
+_EXACT = 1e6
+"""Belief in what is known."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -22,14 +29,51 @@ class SmoothingConfig:
 
     strength: float = 10.0
     """Weight of the acceleration; 0 leaves the tracks as they are."""
-    norm: RobustNorm = RobustNorm(reach=0.004, floor=0.003)
+    norm: RobustNorm = RobustNorm(reach=0.008, floor=0.003)
     """What an acceleration costs [diagonals per frame^2]."""
+    believed: float = 0.002
+    """Standard deviation of a place up to which it is fully believed [diagonals]."""
+    least_belief: float = 0.2
+    """What is left of the belief in a place that nothing shows."""
     iterations: int = 8
     """Rounds of reweighting."""
 
 
+def beliefs_in(
+    frames: Sequence[SolvedFrame], anchors: Anchors, diagonal: float, config: SmoothingConfig
+) -> np.ndarray:
+    """Say how far the places of the anchors are to be believed, by direction.
+
+    Args:
+        frames: Solved frames, T of them; one that does not know its uncertainty is believed.
+        anchors: The anchors at rest.
+        diagonal: The object's diagonal [scene unit].
+        config: What is believed.
+
+    Returns:
+        Symmetric matrices with eigenvalues up to 1, full belief; float64, shape (T, A, 3, 3).
+    """
+    beliefs = np.tile(np.eye(3), (len(frames), len(anchors), 1, 1))
+    for index, frame in enumerate(frames):
+        if frame.uncertainty is None:
+            continue
+        along, across = (
+            np.clip((config.believed * diagonal / sigmas) ** 2, config.least_belief, 1.0)
+            for sigmas in (frame.uncertainty.along_ray, frame.uncertainty.across_ray)
+        )
+        places = (anchors.positions + frame.poses.translations).detach().cpu().numpy()
+        rays = places - frame.camera.position
+        rays /= np.maximum(np.linalg.norm(rays, axis=1, keepdims=True), 1e-12)
+        beliefs[index] *= across[:, None, None]
+        beliefs[index] += np.einsum("a,ai,aj->aij", along - across, rays, rays)
+    return beliefs
+
+
 def smooth_tracks(
-    tracks: Sequence[AnchorPoses], diagonal: float, config: SmoothingConfig
+    tracks: Sequence[AnchorPoses],
+    diagonal: float,
+    config: SmoothingConfig,
+    beliefs: np.ndarray | None = None,
 ) -> list[AnchorPoses]:
     """Smooth the anchors' tracks over the frames; the first frame stays.
 
@@ -40,6 +84,7 @@ def smooth_tracks(
         tracks: Solved poses, evenly spaced in time, T of them.
         diagonal: The object's diagonal [scene unit].
         config: How strongly.
+        beliefs: See `beliefs_in`, shape (T, A, 3, 3); None believes all alike.
 
     Returns:
         T poses with unit quaternions.
@@ -47,32 +92,72 @@ def smooth_tracks(
     count = len(tracks)
     if count < 3 or config.strength <= 0:
         return list(tracks)
-    shifts = np.stack([pose.translations.cpu().numpy() for pose in tracks]).astype(np.float64)
-    quats = np.stack([pose.quats_wxyz.cpu().numpy() for pose in tracks]).astype(np.float64)
-    flips = np.where(np.einsum("tai,tai->ta", quats[1:], quats[:-1]) < 0, -1.0, 1.0)
-    quats[1:] *= np.cumprod(flips, axis=0)[..., None]
+    shifts = np.stack([pose.translations.cpu().numpy() for pose in tracks], axis=1)
+    shifts = shifts.astype(np.float64)
+    quats = np.stack([pose.quats_wxyz.cpu().numpy() for pose in tracks], axis=1).astype(np.float64)
+    flips = np.where(np.einsum("ati,ati->at", quats[:, 1:], quats[:, :-1]) < 0, -1.0, 1.0)
+    quats[:, 1:] *= np.cumprod(flips, axis=1)[..., None]
+    if beliefs is None:
+        beliefs = np.tile(np.eye(3), (count, len(shifts), 1, 1))
+    beliefs = beliefs.swapaxes(0, 1).copy()
+    beliefs[:, 0] = _EXACT * np.eye(3)  # the first frame is the rest pose, exactly known
 
-    second = np.diff(np.eye(count), 2, axis=0)
-    fidelity = np.eye(count)
-    fidelity[0, 0] = 1e6  # the first frame is the rest pose, exactly known
-    smooth = shifts
+    smooth, stiffness = shifts, np.zeros((len(shifts), 3, count))
     for _ in range(config.iterations):
-        accelerations = np.einsum("st,tac->sac", second, smooth) / diagonal
-        weights = config.norm.weight(np.einsum("sac,sac->sa", accelerations, accelerations))
-        normal = fidelity + config.strength * np.einsum("sa,st,su->atu", weights, second, second)
-        smooth = _solve(normal, fidelity, shifts)
-    smooth_quats = _solve(normal, fidelity, quats)
+        accelerations = np.diff(smooth, 2, axis=1) / diagonal
+        weights = config.norm.weight(np.einsum("atc,atc->at", accelerations, accelerations))
+        stiffness = config.strength * _bands_of_accelerations(weights)
+        smooth = _smoothed(shifts, beliefs, stiffness)
+    belief_in_turns = np.trace(beliefs, axis1=2, axis2=3)[..., None, None] / 3
+    smooth_quats = _smoothed(quats, belief_in_turns, stiffness)
     smooth_quats /= np.linalg.norm(smooth_quats, axis=-1, keepdims=True)
     return [tracks[0]] + [
         AnchorPoses(
-            quats_wxyz=torch.as_tensor(turned, dtype=torch.float32).to(pose.quats_wxyz),
-            translations=torch.as_tensor(shifted, dtype=torch.float32).to(pose.translations),
+            quats_wxyz=torch.as_tensor(smooth_quats[:, t], dtype=torch.float32).to(pose.quats_wxyz),
+            translations=torch.as_tensor(smooth[:, t], dtype=torch.float32).to(pose.translations),
         )
-        for turned, shifted, pose in zip(smooth_quats[1:], smooth[1:], tracks[1:], strict=True)
+        for t, pose in enumerate(tracks)
+        if t
     ]
 
 
-def _solve(normal: np.ndarray, fidelity: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Solve (A, T, T) x = fidelity values for values of shape (T, A, C)."""
-    wanted = np.einsum("st,tac->asc", fidelity, values)
-    return np.linalg.solve(normal, wanted).transpose(1, 0, 2)
+def _bands_of_accelerations(weights: np.ndarray) -> np.ndarray:
+    """Return sum w_s d_s d_s^T with d = (1, -2, 1) as diagonals 0 to 2 below the main one.
+
+    Args:
+        weights: Weights of T - 2 accelerations, shape (A, T - 2).
+
+    Returns:
+        Shape (A, 3, T).
+    """
+    first, middle, last = (np.pad(weights, ((0, 0), (k, 2 - k))) for k in range(3))
+    return np.stack([first + 4 * middle + last, -2 * (first + middle), first], axis=1)
+
+
+def _smoothed(values: np.ndarray, beliefs: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
+    """Minimize sum (x_t - y_t)^T B_t (x_t - y_t) + x^T K x for every anchor.
+
+    Args:
+        values: y, shape (A, T, C).
+        beliefs: B, of the channels together, shape (A, T, C, C), or of each alike, (A, T, 1, 1).
+        stiffness: K by its diagonals, the same for every channel, shape (A, 3, T).
+
+    Returns:
+        x, shape (A, T, C).
+    """
+    anchors, count, channels = values.shape
+    coupled = beliefs.shape[-1]  # unknowns of one frame that depend on each other
+    bands = np.zeros((anchors, 2 * coupled + 1, count, coupled))
+    for column in range(coupled):
+        for row in range(column, coupled):
+            bands[:, row - column, :, column] = beliefs[:, :, row, column]
+    bands[:, ::coupled] += stiffness[..., None]
+    wanted = beliefs @ values.reshape(anchors, count, coupled, channels // coupled)
+    return np.stack(
+        [
+            solveh_banded(
+                band.reshape(len(band), -1), right.reshape(count * coupled, -1), lower=True
+            )
+            for band, right in zip(bands, wanted, strict=True)
+        ]
+    ).reshape(values.shape)

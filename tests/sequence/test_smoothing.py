@@ -1,13 +1,19 @@
 """Smoothing of solved tracks."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from animator.deform.anchors import build_anchors
 from animator.deform.robust_norm import RobustNorm
-from animator.sequence.smoothing import SmoothingConfig, smooth_tracks
-from animator.types import AnchorPoses
+from animator.sequence.smoothing import SmoothingConfig, beliefs_in, smooth_tracks
+from animator.sequence.solved_frame import FrameStats, SolvedFrame
+from animator.types import AnchorPoses, AnchorUncertainty, RigidGroups
+from tests.helpers.objects import front_camera
+from tests.helpers.textured import textured_box
 
 FRAMES, ANCHORS, DIAGONAL = 16, 3, 2.0
 
@@ -91,3 +97,36 @@ def test_rotations_stay_unit_and_even_turns_stay_whatever_their_signs():
 def test_zero_strength_leaves_the_tracks():
     tracks = tracks_of(line() + tremble())
     assert smooth_tracks(tracks, DIAGONAL, SmoothingConfig(strength=0.0)) == tracks
+
+
+def test_what_is_believed_less_is_smoothed_more_and_only_in_that_direction():
+    noisy = line() + tremble()
+    beliefs = np.tile(np.diag([1.0, 1.0, 0.1]), (FRAMES, ANCHORS, 1, 1))
+    alike = shifts_of(smooth_tracks(tracks_of(noisy), DIAGONAL, SmoothingConfig()))
+    weighted = shifts_of(smooth_tracks(tracks_of(noisy), DIAGONAL, SmoothingConfig(), beliefs))
+    moved_alike, moved = (np.abs(found - noisy).mean(axis=(0, 1)) for found in (alike, weighted))
+    np.testing.assert_allclose(moved[:2], moved_alike[:2], rtol=0.05)
+    assert moved[2] > 1.2 * moved_alike[2]
+
+
+def test_belief_is_less_along_the_ray_and_where_nothing_is_seen():
+    anchors = build_anchors(textured_box(), target_count=20)
+    count, config = len(anchors), SmoothingConfig(believed=0.01, least_belief=0.25)
+    sigmas = {"along_ray": 0.02 * DIAGONAL, "across_ray": 0.005 * DIAGONAL}
+    frame = SolvedFrame(
+        poses=AnchorPoses.identity(anchors),
+        camera=front_camera(1e4),
+        groups=RigidGroups(labels=np.zeros(0, np.int64)),
+        stats=FrameStats(matches=0, reprojection_px=0.0, start="rest", groups=0, seconds={}),
+        uncertainty=AnchorUncertainty(
+            **{name: np.full(count, sigma, np.float32) for name, sigma in sigmas.items()}
+        ),
+    )
+    believed, doubted = beliefs_in(
+        [dataclasses.replace(frame, uncertainty=None), frame], anchors, DIAGONAL, config
+    )
+    np.testing.assert_array_equal(believed, np.tile(np.eye(3), (count, 1, 1)))
+    ray = anchors.positions[0].numpy() - frame.camera.position
+    ray /= np.linalg.norm(ray)
+    np.testing.assert_allclose(ray @ doubted[0] @ ray, 0.25, atol=1e-6)
+    np.testing.assert_allclose(np.linalg.eigvalsh(doubted[0]), [0.25, 1.0, 1.0], atol=1e-6)
