@@ -11,7 +11,7 @@ import dataclasses
 class PaceConfig:
     """When the steps of an iteration get smaller, and when they end."""
 
-    most_steps: int = 200
+    most_steps: int = 150
     """Steps after which it ends in any case."""
     window: int = 10
     """Steps over which losses are summed to tell whether they still fall."""
