@@ -110,8 +110,9 @@ def fit(
         seed=config.seed,
         follow_camera=config.moving_camera,
     )
-    solved = _track(Driver(problem, config.driver), resume_from, on_frame)
-    solved = _steadied(solved, anchors, gaussians.diagonal, config)
+    driver = Driver(problem, config.driver)
+    solved = _track(driver, resume_from, on_frame)
+    solved = _steadied(solved, driver, problem, config)
     groups = groups_of_anchors(solved[-1].groups, gaussians, anchors)
     keys = _keys(solved, scene, anchors, groups, labels.fps, config)
     clip = bake_clip(gaussians, anchors, groups, keys, labels)
@@ -139,15 +140,26 @@ def _track(
 
 
 def _steadied(
-    solved: Sequence[SolvedFrame], anchors: Anchors, diagonal: float, config: FitConfig
+    solved: Sequence[SolvedFrame], driver: Driver, problem: ClipProblem, config: FitConfig
 ) -> list[SolvedFrame]:
-    """Take out of the tracks what is noise from one frame to the next."""
+    """Take out of the tracks what is noise from one frame to the next; bend nothing that is stiff."""
+    anchors, diagonal = problem.anchors, problem.gaussians.diagonal
     beliefs = beliefs_in(solved, anchors, diagonal, config.smoothing)
     tracks = smooth_tracks([frame.poses for frame in solved], diagonal, config.smoothing, beliefs)
     rigid = as_rigid_body(tracks, anchors, diagonal, config.rigid_body)
-    if rigid is not None:
-        logger.info("the object moves as one rigid body: it is kept exactly rigid")
-        tracks = rigid
+    if rigid is None:
+        return _posed(solved, tracks)
+    logger.info("the object moves as one rigid body: fitting it again as one")
+    refitted = [
+        driver.refit_rigid(index, frame) if index else frame.poses
+        for index, frame in enumerate(_posed(solved, rigid))
+    ]
+    tracks = smooth_tracks(refitted, diagonal, config.smoothing)
+    # Anchor by anchor, smoothing bends a little.
+    return _posed(solved, as_rigid_body(tracks, anchors, diagonal, config.rigid_body) or refitted)
+
+
+def _posed(solved: Sequence[SolvedFrame], tracks: Sequence[AnchorPoses]) -> list[SolvedFrame]:
     return [
         dataclasses.replace(frame, poses=poses) for frame, poses in zip(solved, tracks, strict=True)
     ]

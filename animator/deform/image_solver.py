@@ -127,6 +127,21 @@ class ImageSolver:
             )
         return float(error)
 
+    def image_loss(self, posed: Gaussians, target: FrameTarget) -> torch.Tensor:
+        """Sum the terms that compare drawn Gaussians with the frame, differentiable in them."""
+        weights, area_px = self.config.weights, target.area_px
+        rgb, alpha = self._draw(posed, target.camera)
+        total = weights.rgb * losses.rgb_loss(rgb, target.rgb, area_px=area_px)
+        total = total + weights.silhouette * losses.silhouette_loss(
+            alpha, target.alpha, area_px=area_px
+        )
+        if weights.coarse_image > 0:
+            differences = torch.cat([rgb - target.rgb, (alpha - target.alpha)[..., None]], dim=-1)
+            total = total + weights.coarse_image * losses.coarse_image_loss(
+                differences, area_px=area_px
+            )
+        return total
+
     def energy(self, poses: AnchorPoses, target: FrameTarget, previous: AnchorPoses) -> float:
         """Evaluate what `solve` minimizes, without rigid groups."""
         with torch.no_grad():
@@ -195,17 +210,8 @@ class ImageSolver:
         previous: AnchorPoses,
         pairs: RigidPairs | None,
     ) -> torch.Tensor:
-        weights, area_px = self.config.weights, target.area_px
-        rgb, alpha = self._draw(posed, target.camera)
-        total = weights.rgb * losses.rgb_loss(rgb, target.rgb, area_px=area_px)
-        total = total + weights.silhouette * losses.silhouette_loss(
-            alpha, target.alpha, area_px=area_px
-        )
-        if weights.coarse_image > 0:
-            differences = torch.cat([rgb - target.rgb, (alpha - target.alpha)[..., None]], dim=-1)
-            total = total + weights.coarse_image * losses.coarse_image_loss(
-                differences, area_px=area_px
-            )
+        weights = self.config.weights
+        total = self.image_loss(posed, target)
         if weights.arap > 0:
             total = total + weights.arap * losses.arap_loss(
                 self._anchors, poses, diagonal=self._diagonal, norm=self.config.arap_norm

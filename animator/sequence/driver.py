@@ -12,6 +12,7 @@ import numpy as np
 import torch
 
 from animator.deform.image_solver import FrameTarget, ImageSolver, ImageSolverConfig
+from animator.deform.rigid_solver import RigidSolverConfig, solve_rigid
 from animator.match.features import FeatureMatcher
 from animator.match.protocol import Matcher
 from animator.render.protocol import Renderer
@@ -55,6 +56,7 @@ class DriverConfig:
     claims: ClaimStageConfig = dataclasses.field(default_factory=ClaimStageConfig)
     rigid: RigidStageConfig = dataclasses.field(default_factory=RigidStageConfig)
     image_solver: ImageSolverConfig = dataclasses.field(default_factory=ImageSolverConfig)
+    rigid_solver: RigidSolverConfig = dataclasses.field(default_factory=RigidSolverConfig)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -197,6 +199,20 @@ class Driver:
         )
         return SolvedFrame(
             poses=poses, camera=camera, groups=final_groups, stats=stats, uncertainty=uncertainty
+        )
+
+    def refit_rigid(self, index: int, frame: SolvedFrame) -> AnchorPoses:
+        """Fit a frame again by moving its pose, which is rigid already, as one body."""
+        posed = self._image_solver.pose(frame.poses)
+        self._colors.look(posed, frame.camera)
+        window = crop_window(self._views[index], self._draw(posed, frame.camera)[1], frame.camera)
+        target = self._views[index].target(window, frame.camera, self._problem.renderer.device)
+        return solve_rigid(
+            self._image_solver,
+            self._problem.anchors,
+            target,
+            frame.poses,
+            self._config.rigid_solver,
         )
 
     def _rest_uncertainty(self, rest: SolvedFrame) -> AnchorUncertainty:
