@@ -5,10 +5,8 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from animator import quaternions
 from animator.deform.anchors import build_anchors
 from animator.deform.image_solver import (
-    FrameTarget,
     ImageSolver,
     ImageSolverConfig,
     LossWeights,
@@ -16,12 +14,9 @@ from animator.deform.image_solver import (
     project,
 )
 from animator.deform.pace import PaceConfig
-from animator.render.cpu import CpuRenderer
-from animator.types import AnchorPoses, Anchors
-from tests.helpers.objects import front_camera
+from animator.types import AnchorPoses
+from tests.helpers.moved_box import CAMERA, image_solver_of, rigid, target_of
 from tests.helpers.textured import textured_box
-
-CAMERA = front_camera(3.0, size_px=120)
 
 
 @pytest.fixture(scope="module")
@@ -30,38 +25,18 @@ def box():
     return gaussians, build_anchors(gaussians, target_count=25)
 
 
-def rigid(anchors: Anchors, degrees: float, shift: list[float]) -> AnchorPoses:
-    quat = Rotation.from_euler("z", degrees, degrees=True).as_quat(scalar_first=True)
-    quats = torch.tensor(quat, dtype=torch.float32).expand(len(anchors), 4)
-    moved = quaternions.rotate(quats, anchors.positions) + torch.tensor(shift)
-    return AnchorPoses(quats_wxyz=quats, translations=moved - anchors.positions)
-
-
 def solver(box, most_steps: int = 50, **weights: float) -> ImageSolver:
-    gaussians, anchors = box
-    renderer = CpuRenderer()
-
-    def draw(posed, camera):
-        rendering = renderer.render(posed, camera)
-        return rendering.rgb, rendering.alpha
-
     config = ImageSolverConfig(
         pace=PaceConfig(most_steps=most_steps),
         weights=dataclasses.replace(LossWeights(), **weights),
     )
-    return ImageSolver(gaussians, anchors, draw, config)
-
-
-def target_of(image_solver: ImageSolver, poses: AnchorPoses) -> FrameTarget:
-    with torch.no_grad():
-        rgb, alpha = image_solver._draw(image_solver.pose(poses), CAMERA)
-    return FrameTarget(rgb=rgb, alpha=alpha, camera=CAMERA, matches=None, object_px=90.0)
+    return image_solver_of(*box, config)
 
 
 def test_recovers_a_small_motion_from_pixels_alone(box):
     gaussians, anchors = box
     image_solver = solver(box, most_steps=100, rest=0.0)
-    truth = rigid(anchors, 6.0, [0.05, -0.03, 0.0])
+    truth = rigid(anchors, Rotation.from_euler("z", 6, degrees=True), [0.05, -0.03, 0.0])
     target = target_of(image_solver, truth)
     rest = AnchorPoses.identity(anchors)
     solved = image_solver.solve(target, rest, rest)
@@ -82,8 +57,8 @@ def test_an_explained_frame_moves_nothing(box):
 
 def test_no_step_is_the_start(box):
     image_solver = solver(box)
-    still = ImageSolver(*box, image_solver._draw, ImageSolverConfig(pace=PaceConfig(most_steps=0)))
-    start = rigid(box[1], 10.0, [0.1, 0.0, 0.0])
+    still = image_solver_of(*box, ImageSolverConfig(pace=PaceConfig(most_steps=0)))
+    start = rigid(box[1], Rotation.from_euler("z", 10, degrees=True), [0.1, 0.0, 0.0])
     target = target_of(image_solver, AnchorPoses.identity(box[1]))
     solved = still.solve(target, start, start)
     torch.testing.assert_close(solved.translations, start.translations)
