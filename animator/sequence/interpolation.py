@@ -2,10 +2,12 @@
 
 Each in-between aims at the blend of the two keys (rotations on the sphere, translations on a line). A pure blend
 shears and shrinks whatever turns far; so the anchors approach the blend while ARAP and the rigid groups hold.
+Rigid is not the shape at rest, though: what is bent in both keys would be straightened between them, and shake.
+The arms from anchor to anchor, each in the turned frame of its first anchor, go from one key's to the other's
+(Alexa, Cohen-Or, Levin, "As-rigid-as-possible shape interpolation", 2000), so both keys are met exactly.
 Where the paper plays the iterates of one gradient descent as frames, every in-between here is the minimum of
 L_inter at its own moment, with squared norms, found by alternating its two closed forms: rotations by a polar
-decomposition, translations by one linear system. The number of frames is what was asked for, the speed is even,
-and the weight of rigidity decays to zero towards both keys, which are therefore met exactly.
+decomposition, translations by one linear system. The number of frames is what was asked for, the speed even.
 """
 
 import dataclasses
@@ -28,7 +30,7 @@ class InterpolationConfig:
     shift_goal: float = 1.0
     """Weight of the mean squared distance |T - T^|^2 from the blend [diagonals^2]."""
     rigidity: float = 2000.0
-    """Weight lambda_inter of ARAP and groups half way between the keys."""
+    """Weight lambda_inter of ARAP and groups."""
 
 
 def blend(start: AnchorPoses, end: AnchorPoses, share: float) -> AnchorPoses:
@@ -71,10 +73,11 @@ def interpolate(
         The in-between poses in order; the keys themselves are not repeated.
     """
     rigidity = _Rigidity(anchors, anchor_groups)
+    first_arms, last_arms = rigidity.arms(start), rigidity.arms(end)
     shares = [(k + 1) / (count + 1) for k in range(count)]
     return [
         rigidity.approach(
-            blend(start, end, share), config.rigidity * 4.0 * share * (1.0 - share), config
+            blend(start, end, share), torch.lerp(first_arms, last_arms, share), config
         )
         for share in shares
     ]
@@ -100,7 +103,6 @@ class _Rigidity:
         self.squared_diagonal = max(float(extent.square().sum()), 1e-12)
         self.first, self.second = edges.unbind(dim=1)
         self.weights = weights[:, None]
-        self.rest = self.positions[self.first] - self.positions[self.second]
         count = len(self.positions)
         laplacian = torch.zeros(count, count, dtype=torch.float64)
         for row, column, sign in (
@@ -112,10 +114,24 @@ class _Rigidity:
             laplacian.index_put_((row, column), sign * weights, accumulate=True)
         self.laplacian = laplacian
 
+    def arms(self, poses: AnchorPoses) -> torch.Tensor:
+        """Return R_i^T (x_i - x_j) of every edge, shape (E, 3): at rest, and where it is rigid, a_i - a_j."""
+        points = self.positions + poses.translations.cpu().double()
+        rotations = quaternions.to_matrices(poses.quats_wxyz.cpu().double())
+        between = points[self.first] - points[self.second]
+        return (rotations[self.first].transpose(1, 2) @ between[:, :, None])[..., 0]
+
     def approach(
-        self, goal: AnchorPoses, rigidity: float, config: InterpolationConfig
+        self, goal: AnchorPoses, arms: torch.Tensor, config: InterpolationConfig
     ) -> AnchorPoses:
-        """Minimize turn_goal |R - R^|^2 + shift_goal |T - T^|^2 / D^2 + rigidity * E_rigid / D^2."""
+        """Minimize turn_goal |R - R^|^2 + shift_goal |T - T^|^2 / D^2 + rigidity * E_rigid / D^2.
+
+        Args:
+            goal: R^ and T^.
+            arms: What E_rigid holds the arms of the edges to, shape (E, 3).
+            config: Weights.
+        """
+        rigidity = config.rigidity
         count = len(self.positions)
         goal_rotations = quaternions.to_matrices(goal.quats_wxyz.cpu().double())
         goal_points = self.positions + goal.translations.cpu().double()
@@ -125,12 +141,12 @@ class _Rigidity:
         rotations = goal_rotations
         points = goal_points
         for _ in range(config.rounds):
-            turned = (rotations[self.first] @ self.rest[:, :, None])[..., 0] * self.weights
+            turned = (rotations[self.first] @ arms[:, :, None])[..., 0] * self.weights
             sums = torch.zeros_like(points).index_add_(0, self.first, turned)
             sums = sums.index_add_(0, self.second, -turned)
             points = torch.cholesky_solve(pull * goal_points + rigidity * sums, factor)
             posed = points[self.first] - points[self.second]
-            outer = (self.weights * posed)[:, :, None] * self.rest[:, None]
+            outer = (self.weights * posed)[:, :, None] * arms[:, None]
             moments = (config.turn_goal / count) * goal_rotations
             moments = moments.index_add(
                 0, self.first, outer, alpha=rigidity / self.squared_diagonal

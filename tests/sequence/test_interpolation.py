@@ -84,6 +84,25 @@ def test_equal_keys_give_equal_in_betweens(bar):
         torch.testing.assert_close(between.translations, pose.translations, atol=1e-4, rtol=0)
 
 
+def test_what_is_bent_in_both_keys_stays_bent_between_them(bar):
+    right = bar.positions[:, 0] > 0
+    bent = turned(bar, 70, right)
+    everywhere = turned(bar, 40, torch.ones(len(bar), dtype=torch.bool))
+    points = quaternions.rotate(everywhere.quats_wxyz, bar.positions + bent.translations)
+    bent_and_turned = AnchorPoses(
+        quats_wxyz=quaternions.multiply(everywhere.quats_wxyz, bent.quats_wxyz),
+        translations=points - bar.positions,
+    )
+    config = InterpolationConfig()
+    for between in interpolate(bar, ungrouped(bar), bent, bent_and_turned, 3, config):
+        torch.testing.assert_close(
+            torch.pdist(bar.positions + between.translations),
+            torch.pdist(bar.positions + bent.translations),
+            atol=0.02,
+            rtol=0,
+        )
+
+
 def test_rigid_groups_hold_better_with_their_loss(bar):
     right = bar.positions[:, 0] > 0
     start, end = AnchorPoses.identity(bar), turned(bar, 110, right)
