@@ -154,7 +154,7 @@ def _steadied(
         driver.refit_rigid(index, frame) if index else frame.poses
         for index, frame in enumerate(_posed(solved, rigid))
     ]
-    tracks = smooth_tracks(refitted, diagonal, config.smoothing)
+    tracks = smooth_tracks(refitted, diagonal, config.smoothing, beliefs)
     # Anchor by anchor, smoothing bends a little.
     return _posed(solved, as_rigid_body(tracks, anchors, diagonal, config.rigid_body) or refitted)
 

@@ -27,13 +27,13 @@ _EXACT = 1e6
 class SmoothingConfig:
     """How strongly tracks are smoothed."""
 
-    strength: float = 10.0
+    strength: float = 2.0
     """Weight of the acceleration; 0 leaves the tracks as they are."""
-    norm: RobustNorm = RobustNorm(reach=0.008, floor=0.003)
+    norm: RobustNorm = RobustNorm(reach=0.004, floor=0.01)
     """What an acceleration costs [diagonals per frame^2]."""
-    believed: float = 0.002
+    believed: float = 0.0015
     """Standard deviation of a place up to which it is fully believed [diagonals]."""
-    least_belief: float = 0.2
+    least_belief: float = 0.05
     """What is left of the belief in a place that nothing shows."""
     iterations: int = 8
     """Rounds of reweighting."""
