@@ -4,7 +4,6 @@ scene -> camera -> anchors -> frame-by-frame tracking -> steadying -> in-between
 """
 
 import dataclasses
-import logging
 from collections.abc import Callable, Sequence
 from typing import Literal
 
@@ -19,9 +18,8 @@ from animator.scene import Scene
 from animator.sequence.cameras import locate_cameras
 from animator.sequence.driver import ClipProblem, Driver, DriverConfig
 from animator.sequence.interpolation import InterpolationConfig, interpolate
-from animator.sequence.rigid_body import RigidBodyConfig, as_rigid_body
-from animator.sequence.smoothing import SmoothingConfig, beliefs_in, smooth_tracks
 from animator.sequence.solved_frame import SolvedFrame
+from animator.sequence.steadying import SteadyingConfig, steadied
 from animator.threads import same_bytes_on_any_threads
 from animator.types import (
     AnchorPoses,
@@ -32,8 +30,6 @@ from animator.types import (
     RigidGroups,
 )
 from exporters.clip import Clip
-
-logger = logging.getLogger(__name__)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -55,8 +51,7 @@ class FitConfig:
     seed: int = 0
     """Seed of every random choice."""
     driver: DriverConfig = dataclasses.field(default_factory=DriverConfig)
-    rigid_body: RigidBodyConfig = dataclasses.field(default_factory=RigidBodyConfig)
-    smoothing: SmoothingConfig = dataclasses.field(default_factory=SmoothingConfig)
+    steadying: SteadyingConfig = dataclasses.field(default_factory=SteadyingConfig)
     interpolation: InterpolationConfig = dataclasses.field(default_factory=InterpolationConfig)
 
 
@@ -112,7 +107,7 @@ def fit(
     )
     driver = Driver(problem, config.driver)
     solved = _track(driver, resume_from, on_frame)
-    solved = _steadied(solved, driver, problem, config)
+    solved = steadied(solved, problem, driver.refit_rigid, config.steadying)
     groups = groups_of_anchors(solved[-1].groups, gaussians, anchors)
     keys = _keys(solved, scene, anchors, groups, labels.fps, config)
     clip = bake_clip(gaussians, anchors, groups, keys, labels)
@@ -139,32 +134,6 @@ def _track(
     return solved
 
 
-def _steadied(
-    solved: Sequence[SolvedFrame], driver: Driver, problem: ClipProblem, config: FitConfig
-) -> list[SolvedFrame]:
-    """Take out of the tracks what is noise from one frame to the next; bend nothing that is stiff."""
-    anchors, diagonal = problem.anchors, problem.gaussians.diagonal
-    beliefs = beliefs_in(solved, anchors, diagonal, config.smoothing)
-    tracks = smooth_tracks([frame.poses for frame in solved], diagonal, config.smoothing, beliefs)
-    rigid = as_rigid_body(tracks, anchors, diagonal, config.rigid_body)
-    if rigid is None:
-        return _posed(solved, tracks)
-    logger.info("the object moves as one rigid body: fitting it again as one")
-    refitted = [
-        driver.refit_rigid(index, frame) if index else frame.poses
-        for index, frame in enumerate(_posed(solved, rigid))
-    ]
-    tracks = smooth_tracks(refitted, diagonal, config.smoothing, beliefs)
-    # Anchor by anchor, smoothing bends a little.
-    return _posed(solved, as_rigid_body(tracks, anchors, diagonal, config.rigid_body) or refitted)
-
-
-def _posed(solved: Sequence[SolvedFrame], tracks: Sequence[AnchorPoses]) -> list[SolvedFrame]:
-    return [
-        dataclasses.replace(frame, poses=poses) for frame, poses in zip(solved, tracks, strict=True)
-    ]
-
-
 def groups_of_anchors(groups: RigidGroups, gaussians: Gaussians, anchors: Anchors) -> RigidGroups:
     """Give each anchor the rigid group of its nearest Gaussian."""
     means = gaussians.means.detach().cpu().numpy()
@@ -181,16 +150,16 @@ def _keys(
     config: FitConfig,
 ) -> list[Key]:
     """Lay the solved frames and their in-betweens on the time line, one frame apart."""
+    tracks = [frame.poses for frame in solved]
+    between = interpolate(anchors, groups, tracks, config.inbetween, config.interpolation)
     moments: list[tuple[int, AnchorPoses, Camera, AnchorUncertainty | None]] = []
     for index, frame in enumerate(solved):
-        if index and config.inbetween:
+        if index:
             before = solved[index - 1]
-            poses = (anchors, groups, before.poses, frame.poses)
-            between = interpolate(*poses, config.inbetween, config.interpolation)
             known = None
             if before.uncertainty is not None and frame.uncertainty is not None:
                 known = before.uncertainty.or_larger(frame.uncertainty)
-            moments += [(-1, pose, before.camera, known) for pose in between]
+            moments += [(-1, pose, before.camera, known) for pose in between[index - 1]]
         number = scene.frames.numbers[index]
         moments.append((number, frame.poses, frame.camera, frame.uncertainty))
     return [

@@ -6,7 +6,6 @@ Laplacian smoother of the anchor graph, P = (I + s L)^-1, so that a step moves a
 """
 
 import dataclasses
-import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -14,7 +13,7 @@ import torch
 
 from animator import quaternions
 from animator.deform import losses
-from animator.deform.pace import Pace, PaceConfig
+from animator.deform.pace import PaceConfig, descend
 from animator.deform.robust_norm import RobustNorm
 from animator.deform.skinning import Skinner
 from animator.types import AnchorPoses, Anchors, Camera, GaussianMatches, Gaussians
@@ -120,27 +119,26 @@ class ImageSolver:
     def image_error(self, poses: AnchorPoses, target: FrameTarget) -> float:
         """Measure how badly a pose explains the frame: RGB and silhouette terms, lower is better."""
         with torch.no_grad():
-            rgb, alpha = self._draw(self.pose(poses), target.camera)
-            error = losses.rgb_loss(rgb, target.rgb, area_px=target.area_px)
-            error += self.config.weights.silhouette * losses.silhouette_loss(
-                alpha, target.alpha, area_px=target.area_px
-            )
-        return float(error)
+            return float(self._fine_loss(*self._draw(self.pose(poses), target.camera), target))
 
     def image_loss(self, posed: Gaussians, target: FrameTarget) -> torch.Tensor:
         """Sum the terms that compare drawn Gaussians with the frame, differentiable in them."""
-        weights, area_px = self.config.weights, target.area_px
         rgb, alpha = self._draw(posed, target.camera)
-        total = weights.rgb * losses.rgb_loss(rgb, target.rgb, area_px=area_px)
-        total = total + weights.silhouette * losses.silhouette_loss(
-            alpha, target.alpha, area_px=area_px
-        )
-        if weights.coarse_image > 0:
+        total = self._fine_loss(rgb, alpha, target)
+        if self.config.weights.coarse_image > 0:
             differences = torch.cat([rgb - target.rgb, (alpha - target.alpha)[..., None]], dim=-1)
-            total = total + weights.coarse_image * losses.coarse_image_loss(
-                differences, area_px=area_px
+            total = total + self.config.weights.coarse_image * losses.coarse_image_loss(
+                differences, area_px=target.area_px
             )
         return total
+
+    def _fine_loss(
+        self, rgb: torch.Tensor, alpha: torch.Tensor, target: FrameTarget
+    ) -> torch.Tensor:
+        weights, area_px = self.config.weights, target.area_px
+        color = losses.rgb_loss(rgb, target.rgb, area_px=area_px)
+        coverage = losses.silhouette_loss(alpha, target.alpha, area_px=area_px)
+        return weights.rgb * color + weights.silhouette * coverage
 
     def energy(self, poses: AnchorPoses, target: FrameTarget, previous: AnchorPoses) -> float:
         """Evaluate what `solve` minimizes, without rigid groups."""
@@ -170,27 +168,21 @@ class ImageSolver:
         config = self.config
         turns = torch.zeros_like(start.quats_wxyz).requires_grad_()
         shifts = torch.zeros_like(start.translations).requires_grad_()
-        optimizer = torch.optim.Adam(
-            [
-                {"params": [turns], "lr": config.turn_rate},
-                {"params": [shifts], "lr": config.shift_rate},
-            ],
-            betas=(0.9, 0.99),
-        )
-        pace = Pace(config.pace)
-        schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda _: pace.rate)
         posed = self.pose(start)
-        for step in itertools.takewhile(lambda _: pace.goes_on, itertools.count()):
+
+        def loss_at(step: int) -> torch.Tensor:
+            nonlocal posed
             pairs = rigid_pairs(step, posed)
-            optimizer.zero_grad()
             poses = self._step_from(start, turns, shifts)
             live = self.pose(poses)
-            loss = self._total_loss(target, poses, live, previous, pairs)
-            loss.backward()
-            optimizer.step()
-            pace.note(loss.item())
-            schedule.step()
             posed = live.posed(live.means.detach(), live.quats_wxyz.detach())
+            return self._total_loss(target, poses, live, previous, pairs)
+
+        unknowns = [
+            {"params": [turns], "lr": config.turn_rate},
+            {"params": [shifts], "lr": config.shift_rate},
+        ]
+        descend(unknowns, config.pace, loss_at)
         with torch.no_grad():
             return self._step_from(start, turns, shifts)
 

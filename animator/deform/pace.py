@@ -1,10 +1,17 @@
-"""How long one solve goes on: at full speed while the loss falls, then a few steps to settle.
+"""Descent at a pace: full speed while the loss falls, then a few steps to settle.
 
 A frame like the last one is solved in a few dozen steps, a large motion takes hundreds; one number of
 steps for all leaves the large ones half way.
 """
 
 import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import torch
+
+_BETAS = (0.9, 0.99)
+"""Of Adam; an iteration is too short for the usual long memory of squared slopes."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -33,24 +40,51 @@ class Pace:
         self._settles_at = config.most_steps - self._settling_steps
 
     @property
+    def steps(self) -> int:
+        """Steps made so far."""
+        return len(self._losses)
+
+    @property
     def goes_on(self) -> bool:
         """Whether there is a next step."""
-        return len(self._losses) < self._settles_at + self._settling_steps
+        return self.steps < self._settles_at + self._settling_steps
 
     @property
     def rate(self) -> float:
         """Share of the learning rate for the next step."""
-        settled = max(len(self._losses) - self._settles_at, 0)
+        settled = max(self.steps - self._settles_at, 0)
         return self._config.final_rate ** (settled / max(self._settling_steps, 1))
 
     def note(self, loss: float) -> None:
         """Take note of the loss before the step that was just made."""
         self._losses.append(loss)
         window = self._config.window
-        count = len(self._losses)
+        count = self.steps
         if count >= self._settles_at or count % window or count < 2 * window:
             return
         before = sum(self._losses[-2 * window : -window])
         now = sum(self._losses[-window:])
         if before - now < self._config.gain * before:
             self._settles_at = count
+
+
+def descend(
+    unknowns: list[dict[str, Any]], config: PaceConfig, loss_at: Callable[[int], torch.Tensor]
+) -> None:
+    """Minimize a loss by Adam, in place.
+
+    Args:
+        unknowns: Groups of tensors with their learning rates, as `torch.optim.Adam` takes them.
+        config: How many steps.
+        loss_at: Returns the loss for the unknowns as they are, given the number of the step.
+    """
+    optimizer = torch.optim.Adam(unknowns, betas=_BETAS)
+    pace = Pace(config)
+    schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda _: pace.rate)
+    while pace.goes_on:
+        optimizer.zero_grad()
+        loss = loss_at(pace.steps)
+        loss.backward()
+        optimizer.step()
+        pace.note(loss.item())
+        schedule.step()

@@ -10,7 +10,7 @@ import torch
 
 from animator import quaternions
 from animator.deform.image_solver import FrameTarget, ImageSolver
-from animator.deform.pace import Pace, PaceConfig
+from animator.deform.pace import PaceConfig, descend
 from animator.types import AnchorPoses, Anchors
 
 
@@ -59,22 +59,14 @@ def solve_rigid(
             translations=turned + shift * diagonal - anchors.positions,
         )
 
-    optimizer = torch.optim.Adam(
-        [{"params": [turn], "lr": config.turn_rate}, {"params": [shift], "lr": config.shift_rate}],
-        betas=(0.9, 0.99),
-    )
-    pace = Pace(config.pace)
-    schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda _: pace.rate)
-    while pace.goes_on:
-        optimizer.zero_grad()
-        loss = image_solver.image_loss(image_solver.pose(moved()), target)
-        loss.backward()
-        optimizer.step()
-        pace.note(loss.item())
-        schedule.step()
+    def loss_of(poses: AnchorPoses) -> torch.Tensor:
+        return image_solver.image_loss(image_solver.pose(poses), target)
+
+    unknowns = [
+        {"params": [turn], "lr": config.turn_rate},
+        {"params": [shift], "lr": config.shift_rate},
+    ]
+    descend(unknowns, config.pace, lambda _: loss_of(moved()))
     with torch.no_grad():
         best = moved()
-        losses = [
-            image_solver.image_loss(image_solver.pose(pose), target) for pose in (best, start)
-        ]
-    return best if losses[0] < losses[1] else start
+        return best if loss_of(best) < loss_of(start) else start

@@ -8,6 +8,9 @@ from animator.deform.image_solver import ImageSolverConfig, LossWeights
 from animator.deform.losses import SQUARES
 from animator.errors import InputError
 from animator.pipeline import FitConfig
+from animator.sequence.rigid_body import RigidBodyConfig
+from animator.sequence.smoothing import SmoothingConfig
+from animator.sequence.steadying import SteadyingConfig
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -30,7 +33,7 @@ def _rgb_and_arap(config: FitConfig) -> FitConfig:
     off = {field.name: 0.0 for field in dataclasses.fields(LossWeights)}
     kept = {"rgb": solver.weights.rgb, "arap": solver.weights.arap}
     image_solver = ImageSolverConfig(
-        # Without the preconditioner it takes three times the steps to get as far.
+        # Without the preconditioner it takes up to three times the steps to get as far.
         pace=dataclasses.replace(solver.pace, most_steps=3 * solver.pace.most_steps),
         smoothing=0.0,
         arap_norm=SQUARES,
@@ -39,8 +42,9 @@ def _rgb_and_arap(config: FitConfig) -> FitConfig:
     return dataclasses.replace(
         config,
         driver=dataclasses.replace(config.driver, image_solver=image_solver),
-        rigid_body=dataclasses.replace(config.rigid_body, residual=0.0),
-        smoothing=dataclasses.replace(config.smoothing, strength=0.0),
+        steadying=SteadyingConfig(
+            smoothing=SmoothingConfig(strength=0.0), rigid_body=RigidBodyConfig(residual=0.0)
+        ),
     )
 
 

@@ -1,7 +1,8 @@
-"""Smooth motion between two solved frames (paper Sec. 3.4, L_inter).
+"""Smooth motion between solved frames (paper Sec. 3.4, L_inter).
 
-Each in-between aims at the blend of the two keys (rotations on the sphere, translations on a line). A pure blend
-shears and shrinks whatever turns far; so the anchors approach the blend while ARAP and the rigid groups hold.
+Each in-between aims at a curve through all keys: modified Akima (scipy's `makima`), which bends round the keys and
+does not swing past a stop. A pure curve shears and shrinks whatever turns far between two keys; so the anchors
+approach it while ARAP and the rigid groups hold, edge by edge as far as the curve would strain it.
 Rigid is not the shape at rest, though: what is bent in both keys would be straightened between them, and shake.
 The arms from anchor to anchor, each in the turned frame of its first anchor, go from one key's to the other's
 (Alexa, Cohen-Or, Levin, "As-rigid-as-possible shape interpolation", 2000), so both keys are met exactly.
@@ -13,7 +14,9 @@ decomposition, translations by one linear system. The number of frames is what w
 import dataclasses
 from collections.abc import Sequence
 
+import numpy as np
 import torch
+from scipy.interpolate import Akima1DInterpolator
 
 from animator import quaternions
 from animator.types import AnchorPoses, Anchors, RigidGroups
@@ -26,11 +29,13 @@ class InterpolationConfig:
     rounds: int = 20
     """Alternations of rotations and translations."""
     turn_goal: float = 1.0
-    """Weight of the mean squared distance |R - R^|^2 from the blend."""
+    """Weight of the mean squared distance |R - R^|^2 from the curve."""
     shift_goal: float = 1.0
-    """Weight of the mean squared distance |T - T^|^2 from the blend [diagonals^2]."""
+    """Weight of the mean squared distance |T - T^|^2 from the curve [diagonals^2]."""
     rigidity: float = 2000.0
     """Weight lambda_inter of ARAP and groups."""
+    free_strain: float = 0.1
+    """Strain of an edge on the curve at which half of that weight holds it; far less is let be."""
 
 
 def blend(start: AnchorPoses, end: AnchorPoses, share: float) -> AnchorPoses:
@@ -54,33 +59,63 @@ def blend(start: AnchorPoses, end: AnchorPoses, share: float) -> AnchorPoses:
 def interpolate(
     anchors: Anchors,
     anchor_groups: RigidGroups,
-    start: AnchorPoses,
-    end: AnchorPoses,
+    keys: Sequence[AnchorPoses],
     count: int,
     config: InterpolationConfig,
-) -> Sequence[AnchorPoses]:
-    """Make `count` evenly spaced poses strictly between two keys.
+) -> list[list[AnchorPoses]]:
+    """Make `count` evenly spaced poses strictly between every two neighboring keys.
 
     Args:
         anchors: The rig.
         anchor_groups: Rigid group of each anchor (its labels have length A).
-        start: The key before.
-        end: The key after.
-        count: Number of in-betweens.
+        keys: The poses to go through, evenly spaced in time, T of them.
+        count: Number of in-betweens in each gap.
         config: Weights.
 
     Returns:
-        The in-between poses in order; the keys themselves are not repeated.
+        The in-between poses of each of the T - 1 gaps in order; the keys themselves are not repeated.
     """
+    if count == 0 or len(keys) < 2:
+        return [[] for _ in keys[1:]]
     rigidity = _Rigidity(anchors, anchor_groups)
-    first_arms, last_arms = rigidity.arms(start), rigidity.arms(end)
     shares = [(k + 1) / (count + 1) for k in range(count)]
+    key_arms = [rigidity.arms(key) for key in keys]
     return [
-        rigidity.approach(
-            blend(start, end, share), torch.lerp(first_arms, last_arms, share), config
-        )
-        for share in shares
+        [
+            rigidity.approach(goal, torch.lerp(*key_arms[gap : gap + 2], share), config)
+            for goal, share in zip(goals, shares, strict=True)
+        ]
+        for gap, goals in enumerate(_curve(keys, shares))
     ]
+
+
+def _curve(keys: Sequence[AnchorPoses], shares: Sequence[float]) -> list[list[AnchorPoses]]:
+    """Lay a smooth curve through the keys and read it at the shares of every gap.
+
+    By how much the curve leaves the line is added to the blend, so that two keys alone give the blend.
+    """
+    tracks = torch.stack([torch.cat([key.quats_wxyz, key.translations], dim=1) for key in keys])
+    cosines = (tracks[1:, :, :4] * tracks[:-1, :, :4]).sum(dim=2, keepdim=True)
+    tracks[1:, :, :4] *= torch.where(cosines < 0, -1.0, 1.0).cumprod(dim=0)
+    curves = Akima1DInterpolator(
+        np.arange(len(keys)), tracks.double().cpu().numpy(), method="makima"
+    )
+
+    def goal(gap: int, share: float) -> AnchorPoses:
+        start, end = (
+            AnchorPoses(quats_wxyz=track[:, :4], translations=track[:, 4:])
+            for track in tracks[gap : gap + 2]
+        )
+        straight = blend(start, end, share)
+        off_line = torch.as_tensor(curves(gap + share)).to(tracks) - torch.lerp(
+            tracks[gap], tracks[gap + 1], share
+        )
+        return AnchorPoses(
+            quats_wxyz=quaternions.normalize(straight.quats_wxyz + off_line[:, :4]),
+            translations=straight.translations + off_line[:, 4:],
+        )
+
+    return [[goal(gap, share) for share in shares] for gap in range(len(keys) - 1)]
 
 
 class _Rigidity:
@@ -103,16 +138,6 @@ class _Rigidity:
         self.squared_diagonal = max(float(extent.square().sum()), 1e-12)
         self.first, self.second = edges.unbind(dim=1)
         self.weights = weights[:, None]
-        count = len(self.positions)
-        laplacian = torch.zeros(count, count, dtype=torch.float64)
-        for row, column, sign in (
-            (self.first, self.first, 1.0),
-            (self.second, self.second, 1.0),
-            (self.first, self.second, -1.0),
-            (self.second, self.first, -1.0),
-        ):
-            laplacian.index_put_((row, column), sign * weights, accumulate=True)
-        self.laplacian = laplacian
 
     def arms(self, poses: AnchorPoses) -> torch.Tensor:
         """Return R_i^T (x_i - x_j) of every edge, shape (E, 3): at rest, and where it is rigid, a_i - a_j."""
@@ -135,18 +160,19 @@ class _Rigidity:
         count = len(self.positions)
         goal_rotations = quaternions.to_matrices(goal.quats_wxyz.cpu().double())
         goal_points = self.positions + goal.translations.cpu().double()
+        weights = self.weights * self._strain_shares(goal_points, arms, config.free_strain)
         pull = config.shift_goal / count
-        system = pull * torch.eye(count, dtype=torch.float64) + rigidity * self.laplacian
+        system = pull * torch.eye(count, dtype=torch.float64) + rigidity * self._laplacian(weights)
         factor = torch.linalg.cholesky(system)
         rotations = goal_rotations
         points = goal_points
         for _ in range(config.rounds):
-            turned = (rotations[self.first] @ arms[:, :, None])[..., 0] * self.weights
+            turned = (rotations[self.first] @ arms[:, :, None])[..., 0] * weights
             sums = torch.zeros_like(points).index_add_(0, self.first, turned)
             sums = sums.index_add_(0, self.second, -turned)
             points = torch.cholesky_solve(pull * goal_points + rigidity * sums, factor)
             posed = points[self.first] - points[self.second]
-            outer = (self.weights * posed)[:, :, None] * arms[:, None]
+            outer = (weights * posed)[:, :, None] * arms[:, None]
             moments = (config.turn_goal / count) * goal_rotations
             moments = moments.index_add(
                 0, self.first, outer, alpha=rigidity / self.squared_diagonal
@@ -156,6 +182,28 @@ class _Rigidity:
             quats_wxyz=quaternions.from_matrices(rotations).to(goal.quats_wxyz),
             translations=(points - self.positions).to(goal.translations),
         )
+
+    def _strain_shares(
+        self, goal_points: torch.Tensor, arms: torch.Tensor, free_strain: float
+    ) -> torch.Tensor:
+        """Say how much each edge needs to be held, 0..1: by how much the goal stretches it, shape (E, 1)."""
+        lengths = (goal_points[self.first] - goal_points[self.second]).norm(dim=1, keepdim=True)
+        wanted = arms.norm(dim=1, keepdim=True).clamp_min(1e-12)
+        squared = (lengths / wanted - 1.0).square()
+        return squared / (squared + free_strain**2)
+
+    def _laplacian(self, weights: torch.Tensor) -> torch.Tensor:
+        """Return the graph Laplacian of weighted edges, weights of shape (E, 1), shape (A, A)."""
+        count = len(self.positions)
+        laplacian = torch.zeros(count, count, dtype=torch.float64)
+        for row, column, sign in (
+            (self.first, self.first, 1.0),
+            (self.second, self.second, 1.0),
+            (self.first, self.second, -1.0),
+            (self.second, self.first, -1.0),
+        ):
+            laplacian.index_put_((row, column), sign * weights[:, 0], accumulate=True)
+        return laplacian
 
 
 def _nearest_rotations(matrices: torch.Tensor) -> torch.Tensor:

@@ -51,7 +51,7 @@ def test_blend_meets_both_ends_and_halves_the_angle(bar):
 def test_a_half_turned_bar_keeps_its_length_where_a_blend_shrinks_it(bar):
     everything = torch.ones(len(bar), dtype=torch.bool)
     start, end = AnchorPoses.identity(bar), turned(bar, 120, everything)
-    (middle,) = interpolate(bar, ungrouped(bar), start, end, 1, InterpolationConfig())
+    ((middle,),) = interpolate(bar, ungrouped(bar), [start, end], 1, InterpolationConfig())
 
     def length(poses: AnchorPoses) -> float:
         points = bar.positions + poses.translations
@@ -67,7 +67,8 @@ def test_count_order_and_determinism(bar):
     start = AnchorPoses.identity(bar)
     end = turned(bar, 60, bar.positions[:, 0] > 0)
     runs = [
-        interpolate(bar, ungrouped(bar), start, end, 3, InterpolationConfig()) for _ in range(2)
+        interpolate(bar, ungrouped(bar), [start, end], 3, InterpolationConfig())[0]
+        for _ in range(2)
     ]
     assert [len(run) for run in runs] == [3, 3]
     tip = int(bar.positions[:, 0].argmax())
@@ -80,7 +81,7 @@ def test_count_order_and_determinism(bar):
 
 def test_equal_keys_give_equal_in_betweens(bar):
     pose = turned(bar, 30, torch.ones(len(bar), dtype=torch.bool))
-    for between in interpolate(bar, ungrouped(bar), pose, pose, 2, InterpolationConfig()):
+    for between in interpolate(bar, ungrouped(bar), [pose, pose], 2, InterpolationConfig())[0]:
         torch.testing.assert_close(between.translations, pose.translations, atol=1e-4, rtol=0)
 
 
@@ -94,7 +95,7 @@ def test_what_is_bent_in_both_keys_stays_bent_between_them(bar):
         translations=points - bar.positions,
     )
     config = InterpolationConfig()
-    for between in interpolate(bar, ungrouped(bar), bent, bent_and_turned, 3, config):
+    for between in interpolate(bar, ungrouped(bar), [bent, bent_and_turned], 3, config)[0]:
         torch.testing.assert_close(
             torch.pdist(bar.positions + between.translations),
             torch.pdist(bar.positions + bent.translations),
@@ -110,9 +111,29 @@ def test_rigid_groups_hold_better_with_their_loss(bar):
     soft = InterpolationConfig(rigidity=20.0)
 
     def strain(groups: RigidGroups) -> float:
-        (middle,) = interpolate(bar, groups, start, end, 1, soft)
+        ((middle,),) = interpolate(bar, groups, [start, end], 1, soft)
         rest = torch.cdist(bar.positions[right], bar.positions[right])
         points = (bar.positions + middle.translations)[right]
         return float((torch.cdist(points, points) - rest).abs().mean())
 
     assert strain(grouped) < 0.7 * strain(ungrouped(bar))
+
+
+def test_a_curve_through_all_keys_goes_on_where_lines_would_break(bar):
+    everything = torch.ones(len(bar), dtype=torch.bool)
+    keys = [turned(bar, angle, everything) for angle in (0, 10, 40, 90, 160)]  # 10 k^2 degrees
+    gaps = interpolate(bar, ungrouped(bar), keys, 1, InterpolationConfig())
+    halves = [float(between.quats_wxyz[0, 0].abs()) for (between,) in gaps]
+    angles = [2 * math.degrees(math.acos(half)) for half in halves]
+    for angle, middle in zip(angles[1:-1], (1.5, 2.5), strict=True):
+        assert angle == pytest.approx(10 * middle**2, abs=2.0)  # a line is 2.5 degrees off
+    halfway = turned(bar, 62.5, everything)
+    torch.testing.assert_close(gaps[2][0].translations, halfway.translations, atol=0.04, rtol=0)
+
+
+def test_nothing_swings_past_a_stop(bar):
+    everything = torch.ones(len(bar), dtype=torch.bool)
+    keys = [turned(bar, angle, everything) for angle in (0, 20, 40, 40, 40, 40)]
+    stopped = interpolate(bar, ungrouped(bar), keys, 3, InterpolationConfig())[3:]
+    for between in (pose for gap in stopped for pose in gap):
+        torch.testing.assert_close(between.translations, keys[-1].translations, atol=1e-4, rtol=0)
