@@ -2,17 +2,19 @@
 
 Raw per-anchor Adam moves every anchor by itself and lags behind fast motion. Here the unknowns pass through a
 Laplacian smoother of the anchor graph, P = (I + s L)^-1, so that a step moves a neighborhood together
-(Sobolev preconditioning; the minimum is unchanged because P is invertible).
+(Sobolev preconditioning; the minimum is unchanged because P is invertible). What moves farther together has
+unknowns of its own (`coarse_motion.py`).
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
 
 from animator import quaternions
 from animator.deform import losses
+from animator.deform.coarse_motion import CoarseConfig, NodeLevel, NodeMotion
 from animator.deform.pace import PaceConfig, descend
 from animator.deform.robust_norm import RobustNorm
 from animator.deform.skinning import Skinner
@@ -58,6 +60,8 @@ class ImageSolverConfig:
     """How many Adam steps a frame gets."""
     smoothing: float = 4.0
     """Strength s of the preconditioner; 0 is plain Adam."""
+    coarse: CoarseConfig = dataclasses.field(default_factory=CoarseConfig)
+    """Unknowns that move many anchors at once."""
     arap_norm: RobustNorm = RobustNorm(reach=0.004, floor=0.1)
     """What the residuals of Eq. 5 cost [diagonals]."""
     turn_norm: RobustNorm = RobustNorm(reach=0.1)
@@ -111,6 +115,10 @@ class ImageSolver:
         self._diagonal = gaussians.diagonal
         self._skinner = Skinner(anchors, gaussians.means, gaussians.quats_wxyz)
         self._smoother = _laplacian_smoother(anchors, config.smoothing)
+        self._levels = [
+            NodeLevel(anchors, count, self._diagonal, config.coarse)
+            for count in config.coarse.nodes
+        ]
 
     def pose(self, poses: AnchorPoses) -> Gaussians:
         """Skin the Gaussians to a pose (Eq. 2), differentiable in the pose."""
@@ -168,12 +176,14 @@ class ImageSolver:
         config = self.config
         turns = torch.zeros_like(start.quats_wxyz).requires_grad_()
         shifts = torch.zeros_like(start.translations).requires_grad_()
+        places = self._anchors.positions + start.translations
+        nodes = [level.begin(places, target.camera) for level in self._levels]
         posed = self.pose(start)
 
         def loss_at(step: int) -> torch.Tensor:
             nonlocal posed
             pairs = rigid_pairs(step, posed)
-            poses = self._step_from(start, turns, shifts)
+            poses = self._step_from(start, turns, shifts, nodes)
             live = self.pose(poses)
             posed = live.posed(live.means.detach(), live.quats_wxyz.detach())
             return self._total_loss(target, poses, live, previous, pairs)
@@ -181,18 +191,25 @@ class ImageSolver:
         unknowns = [
             {"params": [turns], "lr": config.turn_rate},
             {"params": [shifts], "lr": config.shift_rate},
+            *(group for level in nodes for group in level.unknowns),
         ]
         descend(unknowns, config.pace, loss_at)
         with torch.no_grad():
-            return self._step_from(start, turns, shifts)
+            return self._step_from(start, turns, shifts, nodes)
 
     def _step_from(
-        self, start: AnchorPoses, turns: torch.Tensor, shifts: torch.Tensor
+        self,
+        start: AnchorPoses,
+        turns: torch.Tensor,
+        shifts: torch.Tensor,
+        nodes: Sequence[NodeMotion],
     ) -> AnchorPoses:
-        return AnchorPoses(
-            quats_wxyz=quaternions.normalize(start.quats_wxyz + self._smoother @ turns),
-            translations=start.translations + (self._smoother @ shifts) * self._diagonal,
-        )
+        quats_wxyz = quaternions.normalize(start.quats_wxyz + self._smoother @ turns)
+        rest = self._anchors.positions
+        places = rest + start.translations + (self._smoother @ shifts) * self._diagonal
+        for level in nodes:
+            places, quats_wxyz = level(places, quats_wxyz)
+        return AnchorPoses(quats_wxyz=quats_wxyz, translations=places - rest)
 
     def _total_loss(
         self,

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Literal
 
+from animator.deform.coarse_motion import CoarseConfig
 from animator.deform.image_solver import ImageSolverConfig, LossWeights
 from animator.deform.losses import SQUARES
 from animator.errors import InputError
@@ -36,6 +37,7 @@ def _rgb_and_arap(config: FitConfig) -> FitConfig:
         # Without the preconditioner it takes up to three times the steps to get as far.
         pace=dataclasses.replace(solver.pace, most_steps=3 * solver.pace.most_steps),
         smoothing=0.0,
+        coarse=CoarseConfig(nodes=()),
         arap_norm=SQUARES,
         weights=LossWeights(**{**off, **kept}),
     )
