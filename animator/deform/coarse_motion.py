@@ -3,7 +3,7 @@
 An optimizer that moves anchors one by one is slow to move them together, and slowest where the image is blind:
 farther away and larger by as much, an object looks the same, and only its stiffness knows its size. So there are
 nodes besides, one for the whole and some for regions, each with a turn, a shift, and the dilation about the
-camera's centre that no image sees. They add no freedom, for the anchors could do all of it by themselves; they
+camera's center that no image sees. They add no freedom, for the anchors could do all of it by themselves; they
 turn long valleys of the energy into short ones.
 """
 
@@ -25,9 +25,9 @@ class CoarseConfig:
 
     nodes: tuple[int, ...] = (10, 1)
     """Number of nodes of each level, the finest first; empty leaves the anchors to themselves."""
-    turn_rate: float = 5e-3
+    turn_rate: float = 8e-3
     """Learning rate of a node's turn [rad]."""
-    shift_rate: float = 1.2e-3
+    shift_rate: float = 2e-3
     """Learning rate of its shift [diagonals]."""
     dilation_rate: float = 2e-3
     """Learning rate of the logarithm of its dilation."""
