@@ -107,7 +107,7 @@ def fit(
     )
     driver = Driver(problem, config.driver)
     solved = _track(driver, resume_from, on_frame)
-    solved = steadied(solved, problem, driver.refit_rigid, config.steadying)
+    solved = steadied(solved, driver, config.steadying)
     groups = groups_of_anchors(solved[-1].groups, gaussians, anchors)
     keys = _keys(solved, scene, anchors, groups, labels.fps, config)
     clip = bake_clip(gaussians, anchors, groups, keys, labels)

@@ -72,18 +72,14 @@ def test_a_static_clip_stays_at_rest(lamp):
 
 
 @pytest.mark.slow
-def test_a_rigid_motion_comes_out_nearly_rigid(lamp, maker):
-    """The lamp turns by 9 degrees and moves, its joints locked, under a light that does not turn.
-
-    Wanted is 0.1 % of the diagonal. Measured: 0.17 to 0.26 %, about as much as the solver bends a
-    lamp that stands still (0.14 % in the mean), for the splat never quite matches its picture.
-    """
+def test_a_rigid_motion_comes_out_rigid(lamp, maker):
+    """The lamp turns by 9 degrees and moves, its joints locked, under a light that does not turn."""
     frames = photographed(maker, lamp.frames, [rigid_motion(step) for step in range(4)])
     found = positions(fitted(lamp, frames))
     diagonal = lamp.gaussians.diagonal
     assert mean_shift(found[0], found[-1]) > 0.02 * diagonal  # of 3 % that it moves
     for later in found[1:]:
-        assert rigid_rms(found[0], later) < 4e-3 * diagonal
+        assert rigid_rms(found[0], later) < 1e-3 * diagonal
 
 
 @pytest.mark.slow

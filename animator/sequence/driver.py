@@ -80,7 +80,7 @@ class Driver:
     """Solves the frames of one clip in order."""
 
     def __init__(self, problem: ClipProblem, config: DriverConfig) -> None:
-        self._problem = problem
+        self.problem = problem
         self._config = config
         self._colors = ViewColors()
         self._image_solver = ImageSolver(
@@ -110,21 +110,21 @@ class Driver:
     def first(self) -> SolvedFrame:
         """Return frame 0: the rest pose where it explains the frame, else solved from there."""
         rest = SolvedFrame(
-            poses=AnchorPoses.identity(self._problem.anchors),
-            camera=self._problem.cameras[0],
-            groups=RigidGroups(labels=np.full(len(self._problem.gaussians), -1, np.int64)),
+            poses=AnchorPoses.identity(self.problem.anchors),
+            camera=self.problem.cameras[0],
+            groups=RigidGroups(labels=np.full(len(self.problem.gaussians), -1, np.int64)),
             stats=FrameStats(
                 matches=0, reprojection_px=float("nan"), start="rest", groups=0, seconds={}
             ),
         )
-        _, alpha = self._draw(self._problem.gaussians, rest.camera)
+        _, alpha = self._draw(self.problem.gaussians, rest.camera)
         overlap = silhouette_iou(alpha.cpu().numpy() > 0.5, self._views[0].alpha > 127)
         if overlap >= self._config.rest_overlap:
             return dataclasses.replace(rest, uncertainty=self._rest_uncertainty(rest))
         logger.warning(
             "frame %s does not show the rest pose (silhouettes overlap by %.2f): it is solved too; "
             "if the object should be at rest there, check the camera and the masks",
-            self._problem.frames.names[0],
+            self.problem.frames.names[0],
             overlap,
         )
         return self.solve(0, rest)
@@ -145,7 +145,7 @@ class Driver:
     def _held(self, index: int, solved: list[SolvedFrame]) -> SolvedFrame | None:
         """Return the last result again if this frame shows what the frame it comes from showed."""
         source = max(k for k, frame in enumerate(solved) if frame.stats.start != "held")
-        cameras = self._problem.cameras
+        cameras = self.problem.cameras
         if not np.array_equal(cameras[index].cam_from_world, cameras[source].cam_from_world):
             return None
         if not shows_the_same(self._views[index], self._views[source]):
@@ -157,12 +157,12 @@ class Driver:
         """Solve one frame from the previous one: match, choose a start, find groups, fit the image."""
         watch = Stopwatch()
         # One generator a frame, so that a resumed run draws the same numbers as an unbroken one.
-        rng = np.random.default_rng((self._problem.seed, index))
+        rng = np.random.default_rng((self.problem.seed, index))
         before = self._image_solver.pose(previous.poses)
         camera = self._camera(index, previous, before)
         self._colors.look(before, camera)
         window = crop_window(self._views[index], self._draw(before, camera)[1], camera)
-        target = self._views[index].target(window, camera, self._problem.renderer.device)
+        target = self._views[index].target(window, camera, self.problem.renderer.device)
         watch.lap("render")
 
         matched = None
@@ -203,26 +203,36 @@ class Driver:
 
     def refit_rigid(self, index: int, frame: SolvedFrame) -> AnchorPoses:
         """Fit a frame again by moving its pose, which is rigid already, as one body."""
-        posed = self._image_solver.pose(frame.poses)
-        self._colors.look(posed, frame.camera)
-        window = crop_window(self._views[index], self._draw(posed, frame.camera)[1], frame.camera)
-        target = self._views[index].target(window, frame.camera, self._problem.renderer.device)
         return solve_rigid(
             self._image_solver,
-            self._problem.anchors,
-            target,
+            self.problem.anchors,
+            self._target_of(index, frame),
             frame.poses,
             self._config.rigid_solver,
         )
 
+    def image_loss(self, index: int, frame: SolvedFrame) -> float:
+        """Measure how badly a solved pose explains its frame."""
+        target = self._target_of(index, frame)
+        with torch.no_grad():
+            return float(
+                self._image_solver.image_loss(self._image_solver.pose(frame.poses), target)
+            )
+
+    def _target_of(self, index: int, frame: SolvedFrame) -> FrameTarget:
+        posed = self._image_solver.pose(frame.poses)
+        self._colors.look(posed, frame.camera)
+        window = crop_window(self._views[index], self._draw(posed, frame.camera)[1], frame.camera)
+        return self._views[index].target(window, frame.camera, self.problem.renderer.device)
+
     def _rest_uncertainty(self, rest: SolvedFrame) -> AnchorUncertainty:
         """Estimate how well frame 0 shows that it is at rest."""
-        _, alpha = self._draw(self._problem.gaussians, rest.camera)
+        _, alpha = self._draw(self.problem.gaussians, rest.camera)
         window = crop_window(self._views[0], alpha, rest.camera)
-        target = self._views[0].target(window, rest.camera, self._problem.renderer.device)
+        target = self._views[0].target(window, rest.camera, self.problem.renderer.device)
         matches = None
         if self._config.use_matches:
-            rng = np.random.default_rng((self._problem.seed, 0))
+            rng = np.random.default_rng((self.problem.seed, 0))
             matches = self._match_stage.find(self._pair(0, rest, window), rest.poses, rng)
         return self._match_stage.uncertainty(rest.poses, matches, target)
 
@@ -255,17 +265,17 @@ class Driver:
 
     def _camera(self, index: int, previous: SolvedFrame, posed: Gaussians) -> Camera:
         """Return the frame's camera, followed from the previous frame's if it moves."""
-        if not self._problem.follow_camera:
-            return self._problem.cameras[index]
+        if not self.problem.follow_camera:
+            return self.problem.cameras[index]
         tools = CameraTools(
-            renderer=self._problem.renderer,
+            renderer=self.problem.renderer,
             features=FeatureMatcher(),
-            matcher=self._problem.matcher,
+            matcher=self.problem.matcher,
         )
         frame = self._views[index].masked()
         return refine_camera(posed, previous.camera, frame, tools).camera
 
     def _draw(self, gaussians: Gaussians, camera: Camera) -> tuple[torch.Tensor, torch.Tensor]:
         """Draw color and alpha on black, in the colors of the current frame's view."""
-        rendering = self._problem.renderer.render(self._colors.paint(gaussians), camera)
+        rendering = self.problem.renderer.render(self._colors.paint(gaussians), camera)
         return rendering.rgb, rendering.alpha

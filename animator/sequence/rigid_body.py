@@ -18,15 +18,17 @@ from animator.types import AnchorPoses, Anchors
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RigidBodyConfig:
-    """How near to rigid is rigid; all three must hold."""
+    """How near to rigid is rigid; all four must hold."""
 
-    residual: float = 0.003
+    residual: float = 0.005
     """Largest RMS distance of the anchors from the best rigid fit in any frame [diagonals]; 0 switches
     it off."""
     single_residual: float = 0.01
     """Largest distance of any anchor in any frame [diagonals]."""
-    motion_share: float = 0.05
+    motion_share: float = 0.15
     """Largest share that the residuals may be of the motion, both RMS over the clip."""
+    explained: float = 1.3
+    """Largest image loss of a frame, fitted again as one body, as a multiple of frame 0's."""
 
 
 def as_rigid_body(

@@ -28,8 +28,9 @@ class RigidStageConfig:
     and no group is grown."""
     pnp_threshold: float = 0.01
     """PnP-RANSAC reprojection threshold [object sizes]."""
-    refine_at: tuple[int, ...] = (20, 40, 60)
-    """Steps of the image stage before which groups are refined; a short one has not all of them."""
+    refine_at: tuple[int, ...] = (100,)
+    """Steps of the image stage before which groups are refined: while a large motion is still under way,
+    what moves together is not yet told from what lags together. A small one ends before."""
     pairs: int = 4096
     """Pairs of Gaussians that Eq. 4 is averaged over."""
     growing: GrowingConfig = dataclasses.field(default_factory=GrowingConfig)

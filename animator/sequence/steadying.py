@@ -2,9 +2,9 @@
 
 import dataclasses
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-from animator.sequence.driver import ClipProblem
+from animator.sequence.driver import Driver
 from animator.sequence.rigid_body import RigidBodyConfig, as_rigid_body
 from animator.sequence.smoothing import SmoothingConfig, beliefs_in, smooth_tracks
 from animator.sequence.solved_frame import SolvedFrame
@@ -22,23 +22,19 @@ class SteadyingConfig:
 
 
 def steadied(
-    solved: Sequence[SolvedFrame],
-    problem: ClipProblem,
-    refit_rigid: Callable[[int, SolvedFrame], AnchorPoses],
-    config: SteadyingConfig,
+    solved: Sequence[SolvedFrame], driver: Driver, config: SteadyingConfig
 ) -> list[SolvedFrame]:
     """Smooth the tracks; make one rigid body of what moves as one.
 
     Args:
         solved: The frames as solved one by one.
-        problem: What they solve.
-        refit_rigid: Fits a frame, by its index, again as one body from its rigid pose.
+        driver: What solved them; fits frames again and says how well they are explained.
         config: How.
 
     Returns:
         The frames with steady poses.
     """
-    anchors, diagonal = problem.anchors, problem.gaussians.diagonal
+    anchors, diagonal = driver.problem.anchors, driver.problem.gaussians.diagonal
     beliefs = beliefs_in(solved, anchors, diagonal, config.smoothing)
 
     def smoothed(tracks: Sequence[AnchorPoses]) -> list[AnchorPoses]:
@@ -48,16 +44,20 @@ def steadied(
         return as_rigid_body(tracks, anchors, diagonal, config.rigid_body)
 
     tracks = smoothed([frame.poses for frame in solved])
-    body = rigid(tracks)
-    if body is None:
+    bodies = rigid(tracks)
+    if bodies is None:
         return _posed(solved, tracks)
-    logger.info("the object moves as one rigid body: fitting it again as one")
     refitted = [
-        refit_rigid(index, frame) if index else frame.poses
-        for index, frame in enumerate(_posed(solved, body))
+        driver.refit_rigid(index, frame) if index else frame.poses
+        for index, frame in enumerate(_posed(solved, bodies))
     ]
     # Anchor by anchor, smoothing bends a little.
-    return _posed(solved, rigid(smoothed(refitted)) or refitted)
+    frames = _posed(solved, rigid(smoothed(refitted)) or refitted)
+    losses = [driver.image_loss(index, frame) for index, frame in enumerate(frames)]
+    if max(losses) > config.rigid_body.explained * losses[0]:
+        return _posed(solved, tracks)
+    logger.info("the object moves as one rigid body")
+    return frames
 
 
 def _posed(solved: Sequence[SolvedFrame], tracks: Sequence[AnchorPoses]) -> list[SolvedFrame]:

@@ -1,0 +1,75 @@
+"""What nearly is one rigid body becomes one only if that explains the frames."""
+
+import types
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from animator.deform.anchors import build_anchors
+from animator.sequence.solved_frame import FrameStats, SolvedFrame
+from animator.sequence.steadying import SteadyingConfig, steadied
+from animator.types import AnchorPoses, RigidGroups
+from tests.helpers.moved_box import CAMERA, rigid
+from tests.helpers.textured import textured_box
+
+STATS = FrameStats(matches=0, reprojection_px=0.0, start="previous", groups=0, seconds={})
+
+
+class Judge:
+    """A driver that finds nothing better than the rigid pose, and has its losses given."""
+
+    def __init__(self, losses: list[float]) -> None:
+        gaussians = textured_box()
+        anchors = build_anchors(gaussians, target_count=60)
+        self.problem = types.SimpleNamespace(gaussians=gaussians, anchors=anchors)
+        self._losses = losses
+
+    def refit_rigid(self, index: int, frame: SolvedFrame) -> AnchorPoses:
+        return frame.poses
+
+    def image_loss(self, index: int, frame: SolvedFrame) -> float:
+        return self._losses[index]
+
+    def shivering_box(self) -> list[SolvedFrame]:
+        """A turning box, a little bent in every frame but the first."""
+        anchors, diagonal = self.problem.anchors, self.problem.gaussians.diagonal
+        rng = np.random.default_rng(0)
+        frames = []
+        for index in range(5):
+            pose = rigid(anchors, Rotation.from_euler("y", 4 * index, degrees=True), [0.0] * 3)
+            bend = rng.normal(0.0, 1e-3 * diagonal * bool(index), pose.translations.shape)
+            frames.append(
+                SolvedFrame(
+                    poses=AnchorPoses(
+                        quats_wxyz=pose.quats_wxyz,
+                        translations=pose.translations + torch.as_tensor(bend).float(),
+                    ),
+                    camera=CAMERA,
+                    groups=RigidGroups(labels=np.zeros(0, np.int64)),
+                    stats=STATS,
+                )
+            )
+        return frames
+
+    def largest_strain(self, frames: list[SolvedFrame]) -> float:
+        rest = torch.pdist(self.problem.anchors.positions)
+        return max(
+            float(
+                (torch.pdist(self.problem.anchors.positions + frame.poses.translations) - rest)
+                .abs()
+                .max()
+            )
+            for frame in frames
+        )
+
+
+@pytest.mark.parametrize(
+    ("losses", "is_rigid"),
+    [([0.1, 0.11, 0.1, 0.115, 0.11], True), ([0.1, 0.1, 0.14, 0.1, 0.1], False)],
+)
+def test_one_frame_that_it_does_not_explain_keeps_the_bends(losses, is_rigid):
+    judge = Judge(losses)
+    steady = steadied(judge.shivering_box(), judge, SteadyingConfig())
+    assert (judge.largest_strain(steady) < 1e-5 * judge.problem.gaussians.diagonal) == is_rigid
