@@ -15,7 +15,7 @@ import torch
 from animator import quaternions
 from animator.deform import losses
 from animator.deform.coarse_motion import CoarseConfig, NodeLevel, NodeMotion
-from animator.deform.pace import PaceConfig, descend
+from animator.deform.pace import Pace, PaceConfig, descend
 from animator.deform.robust_norm import RobustNorm
 from animator.deform.skinning import Skinner
 from animator.types import AnchorPoses, Anchors, Camera, GaussianMatches, Gaussians
@@ -127,7 +127,8 @@ class ImageSolver:
     def image_error(self, poses: AnchorPoses, target: FrameTarget) -> float:
         """Measure how badly a pose explains the frame: RGB and silhouette terms, lower is better."""
         with torch.no_grad():
-            return float(self._fine_loss(*self._draw(self.pose(poses), target.camera), target))
+            rgb, alpha = self._draw(self.pose(poses), target.camera)
+            return float(self._fine_loss(rgb, alpha, target))
 
     def image_loss(self, posed: Gaussians, target: FrameTarget) -> torch.Tensor:
         """Sum the terms that compare drawn Gaussians with the frame, differentiable in them."""
@@ -159,7 +160,9 @@ class ImageSolver:
         start: AnchorPoses,
         previous: AnchorPoses,
         *,
-        rigid_pairs: Callable[[int, Gaussians], RigidPairs | None] = lambda step, posed: None,
+        rigid_pairs: Callable[[int, Gaussians], RigidPairs | None] = lambda settled_steps, posed: (
+            None
+        ),
     ) -> AnchorPoses:
         """Minimize the total loss (Eq. 7) from `start`.
 
@@ -167,8 +170,9 @@ class ImageSolver:
             target: The frame.
             start: Where the iteration begins.
             previous: The previous frame's pose, for the temporal term.
-            rigid_pairs: Called before each step with its number and the detached Gaussians of the last one;
-                returns the pairs of Eq. 4. Refinement of the rigid groups happens inside it (Algorithm 2).
+            rigid_pairs: Called before each step with the number of steps since the loss no longer falls
+                (negative before) and the detached Gaussians of the last one; returns the pairs of Eq. 4.
+                Refinement of the rigid groups happens inside it (Algorithm 2).
 
         Returns:
             The pose after the last step, unit quaternions.
@@ -180,9 +184,9 @@ class ImageSolver:
         nodes = [level.begin(places, target.camera) for level in self._levels]
         posed = self.pose(start)
 
-        def loss_at(step: int) -> torch.Tensor:
+        def loss_at(pace: Pace) -> torch.Tensor:
             nonlocal posed
-            pairs = rigid_pairs(step, posed)
+            pairs = rigid_pairs(pace.settled_steps, posed)
             poses = self._step_from(start, turns, shifts, nodes)
             live = self.pose(poses)
             posed = live.posed(live.means.detach(), live.quats_wxyz.detach())

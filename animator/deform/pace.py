@@ -45,6 +45,11 @@ class Pace:
         return len(self._losses)
 
     @property
+    def settled_steps(self) -> int:
+        """Steps made since the loss no longer falls; negative while it may still fall."""
+        return self.steps - self._settles_at
+
+    @property
     def goes_on(self) -> bool:
         """Whether there is a next step."""
         return self.steps < self._settles_at + self._settling_steps
@@ -52,8 +57,8 @@ class Pace:
     @property
     def rate(self) -> float:
         """Share of the learning rate for the next step."""
-        settled = max(self.steps - self._settles_at, 0)
-        return self._config.final_rate ** (settled / max(self._settling_steps, 1))
+        settled_share = max(self.settled_steps, 0) / max(self._settling_steps, 1)
+        return self._config.final_rate**settled_share
 
     def note(self, loss: float) -> None:
         """Take note of the loss before the step that was just made."""
@@ -69,21 +74,21 @@ class Pace:
 
 
 def descend(
-    unknowns: list[dict[str, Any]], config: PaceConfig, loss_at: Callable[[int], torch.Tensor]
+    unknowns: list[dict[str, Any]], config: PaceConfig, loss_at: Callable[[Pace], torch.Tensor]
 ) -> None:
     """Minimize a loss by Adam, in place.
 
     Args:
         unknowns: Groups of tensors with their learning rates, as `torch.optim.Adam` takes them.
         config: How many steps.
-        loss_at: Returns the loss for the unknowns as they are, given the number of the step.
+        loss_at: Returns the loss for the unknowns as they are, told how far it is.
     """
     optimizer = torch.optim.Adam(unknowns, betas=_BETAS)
     pace = Pace(config)
     schedule = torch.optim.lr_scheduler.LambdaLR(optimizer, lambda _: pace.rate)
     while pace.goes_on:
         optimizer.zero_grad()
-        loss = loss_at(pace.steps)
+        loss = loss_at(pace)
         loss.backward()
         optimizer.step()
         pace.note(loss.item())

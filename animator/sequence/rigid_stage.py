@@ -28,9 +28,9 @@ class RigidStageConfig:
     and no group is grown."""
     pnp_threshold: float = 0.01
     """PnP-RANSAC reprojection threshold [object sizes]."""
-    refine_at: tuple[int, ...] = (100,)
-    """Steps of the image stage before which groups are refined: while a large motion is still under way,
-    what moves together is not yet told from what lags together. A small one ends before."""
+    refine_at: tuple[int, ...] = (0, 10)
+    """Steps of the image stage, counted from where its loss no longer falls, before which groups are
+    refined: while a motion is under way, what moves together is not yet told from what lags together."""
     pairs: int = 4096
     """Pairs of Gaussians that Eq. 4 is averaged over."""
     growing: GrowingConfig = dataclasses.field(default_factory=GrowingConfig)
@@ -110,9 +110,9 @@ class FrameGroups:
         """The groups as refined so far, over all Gaussians."""
         return self._refiner.spread(self._probe_labels)
 
-    def __call__(self, step: int, posed: Gaussians) -> RigidPairs | None:
+    def __call__(self, settled_steps: int, posed: Gaussians) -> RigidPairs | None:
         """Return the pairs for a step; refine first where it is time (Algorithm 2)."""
-        if step in self._refine_steps:
+        if settled_steps in self._refine_steps:
             self._probe_labels = self._refiner.refine(self._probe_labels, posed, self._rng)
             self._pairs = self._sample()
         return self._pairs

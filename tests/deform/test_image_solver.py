@@ -73,10 +73,12 @@ def test_rigid_pairs_are_asked_for_before_every_step(box):
         target_of(image_solver, rest),
         rest,
         rest,
-        rigid_pairs=lambda step, posed: asked.append((step, posed.means.requires_grad)),
+        rigid_pairs=lambda settled, posed: asked.append((settled, posed.means.requires_grad)),
     )
-    assert [step for step, _ in asked] == list(range(len(asked)))
     assert 45 <= len(asked) <= 50
+    settled = [count for count, _ in asked]
+    assert settled[0] < 0  # it may still fall
+    assert settled[-25:] == list(range(25))
     assert not any(grad for _, grad in asked[1:])
 
 
