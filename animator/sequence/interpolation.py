@@ -82,7 +82,7 @@ def interpolate(
     key_arms = [rigidity.arms(key) for key in keys]
     return [
         [
-            rigidity.approach(goal, torch.lerp(*key_arms[gap : gap + 2], share), config)
+            rigidity.approach(goal, torch.lerp(key_arms[gap], key_arms[gap + 1], share), config)
             for goal, share in zip(goals, shares, strict=True)
         ]
         for gap, goals in enumerate(_curve(keys, shares))
