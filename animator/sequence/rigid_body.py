@@ -2,8 +2,8 @@
 
 Solved frame by frame, a stiff object keeps a small bend in every frame: noise that shows as a shiver of
 the surface. If one rotation and one translation a frame explain the tracks up to that noise in every
-frame, they replace them. Small true deformations of an otherwise rigid object stay as long as some anchor
-shows them.
+frame, they are a candidate, which must then explain the frames (`steadying.py`). Small true deformations of
+an otherwise rigid object stay as long as some anchor or some frame shows them.
 """
 
 import dataclasses
@@ -28,7 +28,8 @@ class RigidBodyConfig:
     motion_share: float = 0.15
     """Largest share that the residuals may be of the motion, both RMS over the clip."""
     explained: float = 1.3
-    """Largest image loss of a frame, fitted again as one body, as a multiple of frame 0's."""
+    """Image loss of a frame, fitted again as one body, that is good enough, as a multiple of frame 0's;
+    a larger one must at least not be worse than that of the bending object."""
 
 
 def as_rigid_body(

@@ -43,21 +43,23 @@ def steadied(
     def rigid(tracks: Sequence[AnchorPoses]) -> list[AnchorPoses] | None:
         return as_rigid_body(tracks, anchors, diagonal, config.rigid_body)
 
-    tracks = smoothed([frame.poses for frame in solved])
-    bodies = rigid(tracks)
+    bending = _posed(solved, smoothed([frame.poses for frame in solved]))
+    bodies = rigid([frame.poses for frame in bending])
     if bodies is None:
-        return _posed(solved, tracks)
+        return bending
     refitted = [
         driver.refit_rigid(index, frame) if index else frame.poses
         for index, frame in enumerate(_posed(solved, bodies))
     ]
     # Anchor by anchor, smoothing bends a little.
-    frames = _posed(solved, rigid(smoothed(refitted)) or refitted)
-    losses = [driver.image_loss(index, frame) for index, frame in enumerate(frames)]
-    if max(losses) > config.rigid_body.explained * losses[0]:
-        return _posed(solved, tracks)
+    stiff = _posed(solved, rigid(smoothed(refitted)) or refitted)
+    enough = config.rigid_body.explained * driver.image_loss(0, stiff[0])
+    for index in range(1, len(solved)):
+        loss = driver.image_loss(index, stiff[index])
+        if loss > enough and loss > driver.image_loss(index, bending[index]):
+            return bending
     logger.info("the object moves as one rigid body")
-    return frames
+    return stiff
 
 
 def _posed(solved: Sequence[SolvedFrame], tracks: Sequence[AnchorPoses]) -> list[SolvedFrame]:
