@@ -77,12 +77,14 @@ class NodeMotion:
         """Move anchors along: places, shape (A, 3), and unit quaternions, shape (A, 4)."""
         scalars = torch.ones_like(self._turns[:, :1])
         turns = quaternions.normalize(torch.cat([scalars, 0.5 * self._turns], dim=1))
-        turned = quaternions.rotate(turns[None], places[:, None] - self._middles)  # (A, K, 3)
-        moved = turned + self._middles + self._shifts * self._diagonal
-        moved = self._eye + (moved - self._eye) * self._dilations.exp()
+        # As displacements, which are exactly zero at first: rounding alone would set the optimizer off.
+        arms = places[:, None] - self._middles  # (A, K, 3)
+        moves = quaternions.rotate(turns[None], arms) - arms + self._shifts * self._diagonal
+        moves = moves * self._dilations.exp()
+        moves = moves + (places - self._eye)[:, None] * self._dilations.expm1()
         blended = quaternions.normalize(self._shares @ turns)
         return (
-            (self._shares[:, :, None] * moved).sum(dim=1),
+            places + (self._shares[:, :, None] * moves).sum(dim=1),
             quaternions.multiply(blended, quats_wxyz),
         )
 
