@@ -42,7 +42,12 @@ class NodeLevel:
         self._config = config
 
     def begin(self, places: torch.Tensor, camera: Camera) -> "NodeMotion":
-        """Start from anchors at the given places, shape (A, 3), seen by a camera: nothing moves yet."""
+        """Start a solve: nothing moves yet.
+
+        Args:
+            places: World positions of the anchors [scene unit], shape (A, 3).
+            camera: Sees them; dilations are about its center.
+        """
         return NodeMotion(self._shares, places, camera, self._diagonal, self._config)
 
 
@@ -59,7 +64,7 @@ class NodeMotion:
     ) -> None:
         self._shares = shares
         self._middles = (shares / shares.sum(dim=0)).T @ places
-        self._eye = torch.as_tensor(camera.position).to(places)
+        self._camera_position = torch.as_tensor(camera.position).to(places)
         self._diagonal = diagonal
         count = len(self._middles)
         self._turns = places.new_zeros(count, 3).requires_grad_()
@@ -74,14 +79,22 @@ class NodeMotion:
     def __call__(
         self, places: torch.Tensor, quats_wxyz: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
-        """Move anchors along: places, shape (A, 3), and unit quaternions, shape (A, 4)."""
+        """Move anchors along, differentiable in the nodes' unknowns.
+
+        Args:
+            places: World positions [scene unit], shape (A, 3).
+            quats_wxyz: Unit rotations from rest, shape (A, 4).
+
+        Returns:
+            Both, moved; exactly as given while nothing has moved.
+        """
         scalars = torch.ones_like(self._turns[:, :1])
         turns = quaternions.normalize(torch.cat([scalars, 0.5 * self._turns], dim=1))
         # As displacements, which are exactly zero at first: rounding alone would set the optimizer off.
         arms = places[:, None] - self._middles  # (A, K, 3)
         moves = quaternions.rotate(turns[None], arms) - arms + self._shifts * self._diagonal
         moves = moves * self._dilations.exp()
-        moves = moves + (places - self._eye)[:, None] * self._dilations.expm1()
+        moves = moves + (places - self._camera_position)[:, None] * self._dilations.expm1()
         blended = quaternions.normalize(self._shares @ turns)
         return (
             places + (self._shares[:, :, None] * moves).sum(dim=1),

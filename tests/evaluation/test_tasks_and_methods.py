@@ -85,6 +85,8 @@ def test_the_scgs_like_baseline_has_rgb_and_arap_only():
     on = {name for name, weight in vars(solver.weights).items() if weight}
     assert on == {"rgb", "arap"}
     assert solver.smoothing == 0
+    assert solver.coarse.nodes == ()
+    assert config.steadying.rigid_body.residual == 0
     assert config.steadying.smoothing.strength == 0
     assert config.seed == 5
 
