@@ -15,6 +15,7 @@ import torch
 from animator import quaternions
 from animator.deform import losses
 from animator.deform.coarse_motion import CoarseConfig, NodeLevel, NodeMotion
+from animator.deform.image_difference import ImageOnBlack, ImageWeights, image_difference
 from animator.deform.pace import Pace, PaceConfig, descend
 from animator.deform.robust_norm import RobustNorm
 from animator.deform.skinning import Skinner
@@ -83,23 +84,16 @@ class RigidPairs:
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class FrameTarget:
-    """What one frame shows, on black."""
+    """What one frame shows."""
 
-    rgb: torch.Tensor
-    """Color times coverage, 0..1, shape (H, W, 3)."""
-    alpha: torch.Tensor
-    """Coverage 0..1, shape (H, W)."""
+    image: ImageOnBlack
+    """The frame, possibly cropped."""
     camera: Camera
-    """The camera of this (possibly cropped) image."""
+    """The camera of this image."""
     matches: GaussianMatches | None
     """Where matched Gaussians were seen, in this camera's pixels."""
     object_px: float
     """Size of the object in the image [px]."""
-
-    @property
-    def area_px(self) -> float:
-        """Area of the silhouette [px], at least 1."""
-        return max(float((self.alpha > 0.5).sum()), 1.0)
 
 
 class ImageSolver:
@@ -113,6 +107,11 @@ class ImageSolver:
         self._draw = draw
         self.config = config
         self._diagonal = gaussians.diagonal
+        self._image_weights = ImageWeights(
+            rgb=config.weights.rgb,
+            silhouette=config.weights.silhouette,
+            coarse=config.weights.coarse_image,
+        )
         self._skinner = Skinner(anchors, gaussians.means, gaussians.quats_wxyz)
         self._smoother = _laplacian_smoother(anchors, config.smoothing)
         self._levels = [
@@ -126,28 +125,19 @@ class ImageSolver:
 
     def image_error(self, poses: AnchorPoses, target: FrameTarget) -> float:
         """Measure how badly a pose explains the frame: RGB and silhouette terms, lower is better."""
+        fine = dataclasses.replace(self._image_weights, coarse=0.0)
         with torch.no_grad():
-            rgb, alpha = self._draw(self.pose(poses), target.camera)
-            return float(self._fine_loss(rgb, alpha, target))
+            return float(self._difference(self.pose(poses), target, fine))
 
     def image_loss(self, posed: Gaussians, target: FrameTarget) -> torch.Tensor:
         """Sum the terms that compare drawn Gaussians with the frame, differentiable in them."""
-        rgb, alpha = self._draw(posed, target.camera)
-        total = self._fine_loss(rgb, alpha, target)
-        if self.config.weights.coarse_image > 0:
-            differences = torch.cat([rgb - target.rgb, (alpha - target.alpha)[..., None]], dim=-1)
-            total = total + self.config.weights.coarse_image * losses.coarse_image_loss(
-                differences, area_px=target.area_px
-            )
-        return total
+        return self._difference(posed, target, self._image_weights)
 
-    def _fine_loss(
-        self, rgb: torch.Tensor, alpha: torch.Tensor, target: FrameTarget
+    def _difference(
+        self, posed: Gaussians, target: FrameTarget, weights: ImageWeights
     ) -> torch.Tensor:
-        weights, area_px = self.config.weights, target.area_px
-        color = losses.rgb_loss(rgb, target.rgb, area_px=area_px)
-        coverage = losses.silhouette_loss(alpha, target.alpha, area_px=area_px)
-        return weights.rgb * color + weights.silhouette * coverage
+        rgb, alpha = self._draw(posed, target.camera)
+        return image_difference(ImageOnBlack(rgb=rgb, alpha=alpha), target.image, weights)
 
     def energy(self, poses: AnchorPoses, target: FrameTarget, previous: AnchorPoses) -> float:
         """Evaluate what `solve` minimizes, without rigid groups."""

@@ -104,7 +104,7 @@ def _fit_frame(
     for _ in range(config.iterations):
         optimizer.zero_grad()
         rgb = renderer.render(colors.paint(moved()), target.camera).rgb
-        losses.rgb_loss(rgb, target.rgb, area_px=target.area_px).backward()
+        losses.rgb_loss(rgb, target.image.rgb, area_px=target.image.area_px).backward()
         optimizer.step()
         decay.step()
     with torch.no_grad():

@@ -88,7 +88,9 @@ class ClaimStage:
         )
         return find_claims(
             CoveredImage(rgb=rgb.cpu().numpy(), alpha=alpha.cpu().numpy()),
-            CoveredImage(rgb=target.rgb.cpu().numpy(), alpha=target.alpha.cpu().numpy()),
+            CoveredImage(
+                rgb=target.image.rgb.cpu().numpy(), alpha=target.image.alpha.cpu().numpy()
+            ),
             drawn,
             target.object_px,
             self._config.claims,

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import torch
 
+from animator.deform.image_difference import ImageOnBlack
 from animator.deform.image_solver import FrameTarget
 from animator.match.protocol import MaskedImage
 from animator.types import Camera, Frames
@@ -49,8 +50,7 @@ class FrameView:
         coverage = torch.from_numpy(alpha.astype(np.float32) / 255.0)
         color = torch.from_numpy(rgb.astype(np.float32) / 255.0) * coverage[..., None]
         return FrameTarget(
-            rgb=color.to(device),
-            alpha=coverage.to(device),
+            image=ImageOnBlack(rgb=color.to(device), alpha=coverage.to(device)),
             camera=window.of(camera),
             matches=None,
             object_px=object_size_px(alpha > 127),

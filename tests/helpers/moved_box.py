@@ -4,6 +4,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from animator import quaternions
+from animator.deform.image_difference import ImageOnBlack
 from animator.deform.image_solver import FrameTarget, ImageSolver, ImageSolverConfig
 from animator.render.cpu import CpuRenderer
 from animator.types import AnchorPoses, Anchors, Gaussians
@@ -34,4 +35,6 @@ def rigid(anchors: Anchors, turn: Rotation, shift: list[float]) -> AnchorPoses:
 def target_of(image_solver: ImageSolver, poses: AnchorPoses) -> FrameTarget:
     with torch.no_grad():
         rgb, alpha = image_solver._draw(image_solver.pose(poses), CAMERA)
-    return FrameTarget(rgb=rgb, alpha=alpha, camera=CAMERA, matches=None, object_px=90.0)
+    return FrameTarget(
+        image=ImageOnBlack(rgb=rgb, alpha=alpha), camera=CAMERA, matches=None, object_px=90.0
+    )
