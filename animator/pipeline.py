@@ -1,6 +1,6 @@
 """The whole method, one line a stage: read this file first.
 
-scene -> camera -> anchors -> frame-by-frame tracking -> steadying -> in-betweens -> clip
+scene -> camera -> anchors -> frame-by-frame tracking -> second look -> steadying -> in-betweens -> clip
 """
 
 import dataclasses
@@ -18,6 +18,7 @@ from animator.scene import Scene
 from animator.sequence.cameras import locate_cameras
 from animator.sequence.driver import ClipProblem, Driver, DriverConfig
 from animator.sequence.interpolation import InterpolationConfig, interpolate
+from animator.sequence.second_look import SecondLookConfig, looked_at_again
 from animator.sequence.solved_frame import SolvedFrame
 from animator.sequence.steadying import SteadyingConfig, steadied
 from animator.threads import same_bytes_on_any_threads
@@ -51,6 +52,7 @@ class FitConfig:
     seed: int = 0
     """Seed of every random choice."""
     driver: DriverConfig = dataclasses.field(default_factory=DriverConfig)
+    second_look: SecondLookConfig = dataclasses.field(default_factory=SecondLookConfig)
     steadying: SteadyingConfig = dataclasses.field(default_factory=SteadyingConfig)
     interpolation: InterpolationConfig = dataclasses.field(default_factory=InterpolationConfig)
 
@@ -107,6 +109,7 @@ def fit(
     )
     driver = Driver(problem, config.driver)
     solved = _track(driver, resume_from, on_frame)
+    solved = looked_at_again(solved, driver, config.second_look)
     solved = steadied(solved, driver, config.steadying)
     groups = groups_of_anchors(solved[-1].groups, gaussians, anchors)
     keys = _keys(solved, scene, anchors, groups, labels.fps, config)

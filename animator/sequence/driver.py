@@ -219,6 +219,15 @@ class Driver:
                 self._image_solver.image_loss(self._image_solver.pose(frame.poses), target)
             )
 
+    def energy(self, index: int, frame: SolvedFrame, poses: AnchorPoses) -> float:
+        """Evaluate what the image stage minimizes, without matches and groups, for a pose of a frame."""
+        target = self._target_of(index, frame)
+        return self._image_solver.energy(poses, target, frame.poses)
+
+    def solve_again(self, index: int, frame: SolvedFrame, start: AnchorPoses) -> AnchorPoses:
+        """Run the image stage of a solved frame from another start, without matches and groups."""
+        return self._image_solver.solve(self._target_of(index, frame), start, frame.poses)
+
     def _target_of(self, index: int, frame: SolvedFrame) -> FrameTarget:
         posed = self._image_solver.pose(frame.poses)
         self._colors.look(posed, frame.camera)
