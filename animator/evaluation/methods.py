@@ -10,6 +10,7 @@ from animator.deform.losses import SQUARES
 from animator.errors import InputError
 from animator.pipeline import FitConfig
 from animator.sequence.rigid_body import RigidBodyConfig
+from animator.sequence.second_look import SecondLookConfig
 from animator.sequence.smoothing import SmoothingConfig
 from animator.sequence.steadying import SteadyingConfig
 
@@ -44,6 +45,7 @@ def _rgb_and_arap(config: FitConfig) -> FitConfig:
     return dataclasses.replace(
         config,
         driver=dataclasses.replace(config.driver, image_solver=image_solver),
+        second_look=SecondLookConfig(every=0),
         steadying=SteadyingConfig(
             smoothing=SmoothingConfig(strength=0.0), rigid_body=RigidBodyConfig(residual=0.0)
         ),

@@ -52,8 +52,12 @@ def looked_at_again(
     look = _SecondLook(solved, driver, config)
     for index in range(len(solved) - 1, 0, -config.every):
         if look.flip(index):
-            look.spread(index, -1)
-            look.spread(index, 1)
+            spread = look.spread(index, -1) + look.spread(index, 1)
+            logger.info(
+                "frame %d: explained better with a limb turned over in depth, and %d frames around it",
+                driver.problem.frames.numbers[index],
+                spread,
+            )
     return look.frames()
 
 
@@ -77,9 +81,13 @@ class _SecondLook:
             flips += 1
         return flips > 0
 
-    def spread(self, index: int, step: int) -> None:
-        """Solve the neighbors of a frame from its pose, one after the other, as long as it helps."""
-        poses = self._solved[index].poses
+    def spread(self, index: int, step: int) -> int:
+        """Solve the neighbors of a frame from its pose, one after the other, as long as it helps.
+
+        Returns:
+            The number of frames that were helped.
+        """
+        poses, helped = self._solved[index].poses, 0
         while 0 < index + step < len(self._solved):
             index += step
             if self._is_held(index):
@@ -89,6 +97,8 @@ class _SecondLook:
             if self._energy(index, poses) > enough:
                 break
             self._keep(index, poses, "neighbor")
+            helped += 1
+        return helped
 
     def frames(self) -> list[SolvedFrame]:
         """Return the frames; those that show nothing new have the pose of the one they repeat."""
@@ -135,8 +145,6 @@ class _SecondLook:
 
     def _keep(self, index: int, poses: AnchorPoses, start: str) -> None:
         frame = self._solved[index]
-        number = self._driver.problem.frames.numbers[index]
-        logger.info("frame %d: solved again from a %s", number, start)
         stats = dataclasses.replace(frame.stats, start=start)
         self._solved[index] = dataclasses.replace(frame, poses=poses, stats=stats)
 
