@@ -10,12 +10,14 @@ from typing import Any
 
 import numpy as np
 import torch
+from numba import prange
 
 from animator.deform import losses
 from animator.jit.kernel import RELAXED, kernel
 
 _CELLS_PX = (4, 10)
 _CHANNELS = 4
+_ZERO = np.float32(0.0)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -87,7 +89,7 @@ class _Difference(torch.autograd.Function):
         fine = np.array([weights.rgb / 3.0] * 3 + [weights.silhouette]) / area_px
         coarse = np.float32(weights.coarse / (3.0 * area_px))
         differences = np.empty((*alpha.shape, _CHANNELS), np.float32)
-        slopes = np.empty_like(differences)
+        slopes = np.empty(rgb.shape, np.float32), np.empty(alpha.shape, np.float32)
         images = [_array(image) for image in (rgb, alpha, target.rgb, target.alpha)]
         total = _compare(*images, fine.astype(np.float32), differences, slopes)
         if weights.coarse > 0:
@@ -98,51 +100,61 @@ class _Difference(torch.autograd.Function):
 
     @staticmethod
     def backward(ctx: Any, *gradients: torch.Tensor) -> Any:
-        slopes = torch.from_numpy(ctx.slopes) * gradients[0]
-        return slopes[..., :3], slopes[..., 3], None, None
+        by_rgb, by_alpha = (torch.from_numpy(slopes) * gradients[0] for slopes in ctx.slopes)
+        return by_rgb, by_alpha, None, None
 
 
 def _array(image: torch.Tensor) -> np.ndarray:
     return image.detach().float().contiguous().numpy()
 
 
-@kernel(fastmath=RELAXED)
+@kernel(parallel=True, fastmath=RELAXED)
 def _compare(rgb, alpha, target_rgb, target_alpha, weights, differences, slopes):
     """Fill differences and slopes of the terms by pixel; return the terms' sum."""
-    total = 0.0
-    for y in range(alpha.shape[0]):
+    by_rgb, by_alpha = slopes
+    sums = np.zeros(alpha.shape[0])
+    for y in prange(alpha.shape[0]):
+        total = np.float32(0.0)
         for x in range(alpha.shape[1]):
             for c in range(3):
-                differences[y, x, c] = rgb[y, x, c] - target_rgb[y, x, c]
-            differences[y, x, 3] = alpha[y, x] - target_alpha[y, x]
-            for c in range(4):
-                total += weights[c] * abs(differences[y, x, c])
-                slopes[y, x, c] = weights[c] * np.sign(differences[y, x, c])
-    return total
+                difference = rgb[y, x, c] - target_rgb[y, x, c]
+                differences[y, x, c] = difference
+                by_rgb[y, x, c] = weights[c] * np.sign(difference)
+                total += weights[c] * abs(difference)
+            difference = alpha[y, x] - target_alpha[y, x]
+            differences[y, x, 3] = difference
+            by_alpha[y, x] = weights[3] * np.sign(difference)
+            total += weights[3] * abs(difference)
+        sums[y] = total
+    return sums.sum()
 
 
-@kernel(fastmath=RELAXED)
+@kernel(parallel=True, fastmath=RELAXED)
 def _compare_cells(differences, cell, weight, slopes):
     """Add the slopes of the terms by cell; return the terms' sum."""
+    by_rgb, by_alpha = slopes
     height, width, _ = differences.shape
-    total = 0.0
-    sums, step = np.empty(4, np.float32), np.empty(4, np.float32)
-    for top in range(0, height, cell):
-        bottom = min(top + cell, height)
+    sums = np.zeros((height + cell - 1) // cell)
+    for row in prange(len(sums)):
+        top, bottom = row * cell, min((row + 1) * cell, height)
         for left in range(0, width, cell):
             right = min(left + cell, width)
-            sums[:] = 0.0
+            red, green, blue, cover = _ZERO, _ZERO, _ZERO, _ZERO
             for y in range(top, bottom):
                 for x in range(left, right):
-                    for c in range(4):
-                        sums[c] += differences[y, x, c]
+                    red += differences[y, x, 0]
+                    green += differences[y, x, 1]
+                    blue += differences[y, x, 2]
+                    cover += differences[y, x, 3]
             # Cells at the border are smaller, and count as if they were whole.
             scale = weight * np.float32(cell * cell / ((bottom - top) * (right - left)))
-            for c in range(4):
-                total += scale * abs(sums[c])
-                step[c] = scale * np.sign(sums[c])
+            sums[row] += scale * (abs(red) + abs(green) + abs(blue) + abs(cover))
+            red, green = scale * np.sign(red), scale * np.sign(green)
+            blue, cover = scale * np.sign(blue), scale * np.sign(cover)
             for y in range(top, bottom):
                 for x in range(left, right):
-                    for c in range(4):
-                        slopes[y, x, c] += step[c]
-    return total
+                    by_rgb[y, x, 0] += red
+                    by_rgb[y, x, 1] += green
+                    by_rgb[y, x, 2] += blue
+                    by_alpha[y, x] += cover
+    return sums.sum()
