@@ -8,7 +8,6 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from animator.deform.anchors import build_anchors
-from animator.deform.robust_norm import RobustNorm
 from animator.sequence.smoothing import SmoothingConfig, beliefs_in, smooth_tracks
 from animator.sequence.solved_frame import FrameStats, SolvedFrame
 from animator.types import AnchorPoses, AnchorUncertainty, RigidGroups
@@ -64,7 +63,7 @@ def test_a_real_start_is_not_rounded_off():
     sudden[:8] = 0.0
     sudden[8:] += 0.2  # a tenth of the diagonal in one frame
     robust = shifts_of(smooth_tracks(tracks_of(sudden), DIAGONAL, SmoothingConfig()))
-    plain = SmoothingConfig(norm=RobustNorm())
+    plain = SmoothingConfig(reach=float("inf"))
     rounded = shifts_of(smooth_tracks(tracks_of(sudden), DIAGONAL, plain))
     assert np.abs(robust - sudden).max() < 0.2 * np.abs(rounded - sudden).max()
 
@@ -102,8 +101,8 @@ def test_zero_strength_leaves_the_tracks():
 def test_what_is_believed_less_is_smoothed_more_and_only_in_that_direction():
     noisy = line() + tremble()
     beliefs = np.tile(np.diag([1.0, 1.0, 0.1]), (FRAMES, ANCHORS, 1, 1))
-    # The robust norm would couple the directions.
-    squares = SmoothingConfig(norm=RobustNorm(), strength=1.0)
+    # A robust norm would couple the directions.
+    squares = SmoothingConfig(reach=float("inf"), strength=1.0)
     alike = shifts_of(smooth_tracks(tracks_of(noisy), DIAGONAL, squares))
     weighted = shifts_of(smooth_tracks(tracks_of(noisy), DIAGONAL, squares, beliefs))
     moved_alike, moved = (np.abs(found - noisy).mean(axis=(0, 1)) for found in (alike, weighted))
