@@ -18,7 +18,8 @@ from animator.match.protocol import Matcher
 from animator.render.protocol import Renderer
 from animator.sequence.camera_pose import CameraTools, refine_camera
 from animator.sequence.claim_stage import ClaimStage, ClaimStageConfig
-from animator.sequence.match_stage import FramePair, MatchedPose, MatchStage, MatchStageConfig
+from animator.sequence.extrapolation import extrapolated
+from animator.sequence.match_stage import FramePair, MatchStage, MatchStageConfig
 from animator.sequence.rigid_stage import RigidStage, RigidStageConfig
 from animator.sequence.solved_frame import FrameStats, SolvedFrame
 from animator.sequence.stillness import shows_the_same
@@ -139,7 +140,8 @@ class Driver:
             Each newly solved frame.
         """
         for index in range(len(solved), len(self._views)):
-            solved.append(self._held(index, solved) or self.solve(index, solved[-1]))
+            before = solved[-2] if index > 1 else None
+            solved.append(self._held(index, solved) or self.solve(index, solved[-1], before))
             yield solved[-1]
 
     def _held(self, index: int, solved: list[SolvedFrame]) -> SolvedFrame | None:
@@ -153,27 +155,45 @@ class Driver:
         stats = dataclasses.replace(solved[-1].stats, start="held", seconds={})
         return dataclasses.replace(solved[-1], stats=stats)
 
-    def solve(self, index: int, previous: SolvedFrame) -> SolvedFrame:
-        """Solve one frame from the previous one: match, choose a start, find groups, fit the image."""
+    def solve(
+        self, index: int, previous: SolvedFrame, before: SolvedFrame | None = None
+    ) -> SolvedFrame:
+        """Solve one frame from the previous one: match, choose a start, find groups, fit the image.
+
+        Args:
+            index: Which frame.
+            previous: The frame before it.
+            before: The frame before that; with it the motion may be expected to go on.
+
+        Returns:
+            The solved frame.
+        """
         watch = Stopwatch()
         # One generator a frame, so that a resumed run draws the same numbers as an unbroken one.
         rng = np.random.default_rng((self.problem.seed, index))
-        before = self._image_solver.pose(previous.poses)
-        camera = self._camera(index, previous, before)
-        self._colors.look(before, camera)
-        window = crop_window(self._views[index], self._draw(before, camera)[1], camera)
+        posed = self._image_solver.pose(previous.poses)
+        camera = self._camera(index, previous, posed)
+        self._colors.look(posed, camera)
+        window = crop_window(self._views[index], self._draw(posed, camera)[1], camera)
         target = self._views[index].target(window, camera, self.problem.renderer.device)
+        expected, expected_name = previous.poses, "previous"
+        if before is not None:
+            onward = extrapolated(before.poses, previous.poses)
+            if self._is_better(onward, expected, target):
+                expected, expected_name = onward, "extrapolated"
         watch.lap("render")
 
         matched = None
         if self._config.use_matches:
             pair = self._pair(index, previous, window)
-            matched = self._match_stage.solve(pair, target, previous.poses, rng, watch)
+            matched = self._match_stage.solve(pair, target, expected, rng, watch)
         matches = None if matched is None else matched.matches
-        start, start_name = self._choose_start(previous.poses, matched, target)
+        start, start_name = expected, expected_name
+        if matched is not None and self._is_better(matched.poses, start, target):
+            start, start_name = matched.poses, "matches"
         watch.lap("choose start")
         if matched is not None:
-            claimed = self._claim_stage.solve(start, matched, target, previous.poses, rng)
+            claimed = self._claim_stage.solve(start, matched, target, expected, rng)
             if claimed is not None:
                 start, start_name = claimed, "claims"
             watch.lap("claims")
@@ -181,7 +201,7 @@ class Driver:
         groups = self._rigid_stage.begin(previous.groups, matches, target, rng)
         watch.lap("rigid groups")
         poses = self._image_solver.solve(
-            dataclasses.replace(target, matches=matches), start, previous.poses, rigid_pairs=groups
+            dataclasses.replace(target, matches=matches), start, expected, rigid_pairs=groups
         )
         watch.lap("image")
         reprojection_px = float("nan")
@@ -242,22 +262,17 @@ class Driver:
         matches = None
         if self._config.use_matches:
             rng = np.random.default_rng((self.problem.seed, 0))
-            matches = self._match_stage.find(self._pair(0, rest, window), rest.poses, rng)
+            matches = self._match_stage.find(self._pair(0, rest, window), rng)
         return self._match_stage.uncertainty(rest.poses, matches, target)
 
-    def _choose_start(
-        self, previous: AnchorPoses, matched: MatchedPose | None, target: FrameTarget
-    ) -> tuple[AnchorPoses, str]:
-        """Start from the matched pose only if its render explains the frame better.
+    def _is_better(self, one: AnchorPoses, other: AnchorPoses, target: FrameTarget) -> bool:
+        """Tell whether the render of one pose explains the frame better than that of another.
 
-        Matches are excellent on texture and harmful where there is none; the render tells which.
+        Matches are excellent on texture and harmful where there is none, and motion goes on or not;
+        the render tells which.
         """
-        if matched is None:
-            return previous, "previous"
-        better = self._image_solver.image_error(matched.poses, target)
-        if better < self._image_solver.image_error(previous, target):
-            return matched.poses, "matches"
-        return previous, "previous"
+        error = self._image_solver.image_error
+        return error(one, target) < error(other, target)
 
     def _pair(self, index: int, previous: SolvedFrame, window: Window) -> FramePair:
         """Pair the frame with the one before it, frame 0 with the render of the rest pose."""
@@ -269,7 +284,10 @@ class Driver:
                 *self._draw(self._image_solver.pose(previous.poses), earlier_camera)
             )
         return FramePair(
-            earlier=earlier, earlier_camera=earlier_camera, frame=self._views[index].masked(window)
+            earlier=earlier,
+            earlier_camera=earlier_camera,
+            earlier_poses=previous.poses,
+            frame=self._views[index].masked(window),
         )
 
     def _camera(self, index: int, previous: SolvedFrame, posed: Gaussians) -> Camera:

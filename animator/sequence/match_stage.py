@@ -38,6 +38,8 @@ class FramePair:
     """The previous frame, or the render of the rest pose for frame 0."""
     earlier_camera: Camera
     """The camera of `earlier`."""
+    earlier_poses: AnchorPoses
+    """The pose that `earlier` shows."""
     frame: MaskedImage
     """The frame to solve."""
 
@@ -78,21 +80,21 @@ class MatchStage:
         self,
         pair: FramePair,
         target: FrameTarget,
-        previous: AnchorPoses,
+        expected: AnchorPoses,
         rng: np.random.Generator,
         watch: Stopwatch,
     ) -> MatchedPose | None:
-        """Solve from the matches of the earlier image, then from those of the render.
+        """Solve from the matches of the earlier image, then from those of the render, held to the expected pose.
 
         Returns:
             The pose with its matches; None where too few matches were found.
         """
         config = self._config
-        first = self.find(pair, previous, rng)
+        first = self.find(pair, rng)
         watch.lap("match")
         if first is None:
             return None
-        poses = self.solve_terms(target, ((first, 1.0),), previous, previous)
+        poses = self.solve_terms(target, ((first, 1.0),), expected, expected)
         watch.lap("match solver")
         latest = first
         for _ in range(config.rounds):
@@ -103,7 +105,7 @@ class MatchStage:
                 break
             latest = found
             terms = ((latest, 1.0), (first, config.previous_weight))
-            poses = self.solve_terms(target, terms, poses, previous)
+            poses = self.solve_terms(target, terms, poses, expected)
             watch.lap("match solver")
         return MatchedPose(poses=poses, matches=latest)
 
@@ -115,11 +117,9 @@ class MatchStage:
         projected, _ = camera.project(means[matches.gaussian_ids])
         return float(np.median(np.linalg.norm(projected - matches.target_px, axis=1)))
 
-    def find(
-        self, pair: FramePair, poses: AnchorPoses, rng: np.random.Generator
-    ) -> GaussianMatches | None:
-        """Match the earlier image, which shows the given pose; None where too few are found."""
-        found = self._lift(poses, pair.earlier_camera, pair.earlier, pair.frame, rng)
+    def find(self, pair: FramePair, rng: np.random.Generator) -> GaussianMatches | None:
+        """Match the earlier image; None where too few are found."""
+        found = self._lift(pair.earlier_poses, pair.earlier_camera, pair.earlier, pair.frame, rng)
         return found if len(found) >= self._config.min_matches else None
 
     def uncertainty(
@@ -161,7 +161,7 @@ class MatchStage:
         start: AnchorPoses,
         previous: AnchorPoses,
     ) -> AnchorPoses:
-        """Solve for weighted sets of matches from `start`, held to the previous pose."""
+        """Solve for weighted sets of matches from `start`, held to the previous or expected pose."""
         return solve_matches(self._problem(target, terms), start, previous, self._config.solver)
 
     def _problem(

@@ -4,8 +4,9 @@ Every frame has its own small error. A Whittaker smoother (1922) minimizes, for 
 sum (x_t - y_t)^T B_t (x_t - y_t) + strength * sum cost(|x_{t-1} - 2 x_t + x_{t+1}|^2), y the solved track.
 B_t says how far the frame's solution is to be believed, by direction: less along the viewing ray than
 across it, and less where no match held it. With plain squares of the accelerations it would also round
-off real starts and stops. Cauchy's norm lets go of these, the more the larger they are; only accelerations
-as small as the error are smoothed away.
+off real starts and stops. Cauchy's norm lets go of these, the more the larger they are, down to a floor that
+tells only where nothing is believed, as of a limb that was lost; accelerations as small as the error are
+smoothed away.
 """
 
 import dataclasses
@@ -30,6 +31,8 @@ class SmoothingConfig:
     """Weight of the acceleration; 0 leaves the tracks as they are."""
     reach: float = 0.0035
     """Acceleration of half the weight of a tiny one [diagonals per frame^2]; infinite for plain squares."""
+    floor: float = 0.005
+    """Least weight of an acceleration."""
     believed: float = 0.0015
     """Standard deviation of a place up to which it is fully believed [diagonals]."""
     least_belief: float = 0.05
@@ -105,7 +108,7 @@ def smooth_tracks(
     for _ in range(config.iterations):
         accelerations = np.diff(smooth, 2, axis=1) / diagonal
         squared = np.einsum("atc,atc->at", accelerations, accelerations)
-        weights = 1.0 / (1.0 + squared / config.reach**2)
+        weights = config.floor + (1.0 - config.floor) / (1.0 + squared / config.reach**2)
         stiffness = config.strength * _bands_of_accelerations(weights)
         smooth = _smoothed(shifts, beliefs, stiffness)
     belief_in_turns = np.trace(beliefs, axis1=2, axis2=3)[..., None, None] / 3

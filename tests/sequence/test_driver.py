@@ -69,7 +69,7 @@ def test_slow_change_is_held_only_until_it_shows(box, monkeypatch):
     frames = filmed([(0.5 * rgb + alpha[..., None] * level / 255, alpha) for level in range(12)])
     solver = driver(box, frames, (CAMERA,) * 12)
 
-    def solve(index, previous):
+    def solve(index, previous, before):
         stats = dataclasses.replace(previous.stats, start=f"solved {index}")
         return dataclasses.replace(previous, stats=stats)
 
