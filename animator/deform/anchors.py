@@ -62,6 +62,15 @@ def build_anchors(gaussians: Gaussians, *, target_count: int) -> Anchors:
     )
 
 
+def distances_between(anchors: Anchors) -> np.ndarray:
+    """Measure how far the anchors are from each other along their graph [scene unit], shape (A, A)."""
+    places = anchors.positions.detach().cpu().numpy().astype(np.float64)
+    first, second = anchors.edges.cpu().numpy().T
+    lengths = np.linalg.norm(places[first] - places[second], axis=1)
+    graph = coo_matrix((lengths, (first, second)), (len(places), len(places)))
+    return np.asarray(dijkstra(graph.tocsr(), directed=False))
+
+
 def _voxel_means(
     points: np.ndarray, diagonal: float, target_count: int
 ) -> tuple[np.ndarray, float]:

@@ -12,10 +12,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import dijkstra
 
 from animator import quaternions
+from animator.deform.anchors import distances_between
 from animator.types import Anchors, Camera
 
 
@@ -108,17 +107,12 @@ def _shares_of_nodes(anchors: Anchors, count: int) -> torch.Tensor:
     A share falls with the distance d along the anchor graph as exp(-d^2 / 2 h^2), h half the distance of
     neighboring nodes.
     """
-    places = anchors.positions.detach().cpu().numpy().astype(np.float64)
-    first, second = anchors.edges.cpu().numpy().T
-    lengths = np.linalg.norm(places[first] - places[second], axis=1)
-    graph = coo_matrix((lengths, (first, second)), (len(places), len(places)))
-    along = dijkstra(graph.tocsr(), directed=False)
-
+    along = distances_between(anchors)
     nodes = [int(along.sum(axis=1).argmin())]
-    while len(nodes) < min(count, len(places)):
+    while len(nodes) < min(count, len(anchors)):
         nodes.append(int(along[nodes].min(axis=0).argmax()))
     if len(nodes) == 1:
-        return torch.ones(len(places), 1)
+        return torch.ones(len(anchors), 1)
     between = along[np.ix_(nodes, nodes)] + np.diag(np.full(len(nodes), np.inf))
     reach = 0.5 * np.median(between.min(axis=1))
     distances = along[:, nodes]

@@ -11,10 +11,9 @@ from collections.abc import Iterator
 
 import numpy as np
 import torch
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.transform import Rotation
 
+from animator.deform.anchors import distances_between
 from animator.types import AnchorPoses, Anchors, Camera
 
 
@@ -46,13 +45,10 @@ def find_limbs(anchors: Anchors, config: FlipConfig) -> list[Limb]:
     Returns:
         The limbs, tip by tip, the shortest of each first.
     """
-    places = anchors.positions.detach().cpu().numpy().astype(np.float64)
-    first, second = anchors.edges.cpu().numpy().T
-    lengths = np.linalg.norm(places[first] - places[second], axis=1)
-    graph = coo_matrix((lengths, (first, second)), (len(places), len(places)))
-    along = dijkstra(graph.tocsr(), directed=False)
+    along = distances_between(anchors)
     from_middle = along[along.sum(axis=1).argmin()]
-    is_tip = np.ones(len(places), bool)
+    first, second = anchors.edges.cpu().numpy().T
+    is_tip = np.ones(len(anchors), bool)
     np.logical_and.at(is_tip, first, from_middle[first] >= from_middle[second])
 
     limbs = []

@@ -135,6 +135,17 @@ def test_a_turning_box_is_followed_and_the_same_run_gives_the_same_bytes(box):
         np.testing.assert_array_equal(first.groups.labels, second.groups.labels)
 
 
+def test_motion_is_expected_to_go_on_and_no_more_than_the_frame_shows(box):
+    angles = [0.0, 8.0, 16.0, 16.5]
+    frames = filmed([draw(RENDERER, turned(box, a), CAMERA) for a in angles])
+    solver = driver(box, frames, (CAMERA,) * 4)
+    solver._config = dataclasses.replace(solver._config, use_matches=False)
+    solved = [solver.first()]
+    list(solver.run(solved))
+    starts = [frame.stats.start for frame in solved]
+    assert starts == ["rest", "previous", "extrapolated", "previous"]
+
+
 def test_frame_0_is_solved_where_it_does_not_show_the_rest_pose(box, caplog):
     frames = filmed([draw(RENDERER, turned(box, 14.0), CAMERA)])
     solver = driver(box, frames, (CAMERA,))

@@ -110,6 +110,21 @@ def test_what_is_believed_less_is_smoothed_more_and_only_in_that_direction():
     assert moved[2] > 1.1 * moved_alike[2]
 
 
+def test_a_jump_is_rounded_off_only_where_it_is_not_believed():
+    jump = line()
+    jump[:4] += 0.4  # a fifth of the diagonal, as of a limb that is lost until frame 4
+    doubt = np.tile(np.eye(3), (FRAMES, ANCHORS, 1, 1))
+    doubt[:4] *= SmoothingConfig().least_belief
+    believed, doubted = (
+        np.diff(
+            shifts_of(smooth_tracks(tracks_of(jump), DIAGONAL, SmoothingConfig(), known)), 2, axis=0
+        )
+        for known in (None, doubt)
+    )
+    assert np.abs(believed).max() > 0.9 * 0.4
+    assert np.abs(doubted).max() < 0.85 * np.abs(believed).max()
+
+
 def test_belief_is_less_along_the_ray_and_where_nothing_is_seen():
     anchors = build_anchors(textured_box(), target_count=20)
     count, config = len(anchors), SmoothingConfig(believed=0.01, least_belief=0.25)
