@@ -31,7 +31,7 @@ class SmoothingConfig:
     """Weight of the acceleration; 0 leaves the tracks as they are."""
     reach: float = 0.0035
     """Acceleration of half the weight of a tiny one [diagonals per frame^2]; infinite for plain squares."""
-    floor: float = 0.005
+    floor: float = 0.004
     """Least weight of an acceleration."""
     believed: float = 0.0015
     """Standard deviation of a place up to which it is fully believed [diagonals]."""
