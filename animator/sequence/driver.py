@@ -226,29 +226,29 @@ class Driver:
         return solve_rigid(
             self._image_solver,
             self.problem.anchors,
-            self._target_of(index, frame),
+            self.target_of(index, frame),
             frame.poses,
             self._config.rigid_solver,
         )
 
     def image_loss(self, index: int, frame: SolvedFrame) -> float:
         """Measure how badly a solved pose explains its frame."""
-        target = self._target_of(index, frame)
+        target = self.target_of(index, frame)
         with torch.no_grad():
             return float(
                 self._image_solver.image_loss(self._image_solver.pose(frame.poses), target)
             )
 
-    def energy(self, index: int, frame: SolvedFrame, poses: AnchorPoses) -> float:
-        """Evaluate what the image stage minimizes, without matches and groups, for a pose of a frame."""
-        target = self._target_of(index, frame)
-        return self._image_solver.energy(poses, target, frame.poses)
+    def energy(self, target: FrameTarget, poses: AnchorPoses) -> float:
+        """Evaluate what the image stage minimizes, without matches and groups, for a pose."""
+        return self._image_solver.energy(poses, target, poses)
 
-    def solve_again(self, index: int, frame: SolvedFrame, start: AnchorPoses) -> AnchorPoses:
-        """Run the image stage of a solved frame from another start, without matches and groups."""
-        return self._image_solver.solve(self._target_of(index, frame), start, frame.poses)
+    def solve_again(self, target: FrameTarget, start: AnchorPoses) -> AnchorPoses:
+        """Run the image stage of a frame from another start, without matches and groups."""
+        return self._image_solver.solve(target, start, start)
 
-    def _target_of(self, index: int, frame: SolvedFrame) -> FrameTarget:
+    def target_of(self, index: int, frame: SolvedFrame) -> FrameTarget:
+        """Return what a solved frame shows, cropped to where its pose and the object are."""
         posed = self._image_solver.pose(frame.poses)
         self._colors.look(posed, frame.camera)
         window = crop_window(self._views[index], self._draw(posed, frame.camera)[1], frame.camera)

@@ -10,6 +10,7 @@ import logging
 from collections.abc import Sequence
 
 from animator.deform.depth_flips import FlipConfig, find_limbs, flipped_poses
+from animator.deform.image_solver import FrameTarget
 from animator.sequence.driver import Driver
 from animator.sequence.solved_frame import SolvedFrame
 from animator.types import AnchorPoses
@@ -92,9 +93,11 @@ class _SecondLook:
             index += step
             if self._is_held(index):
                 continue
-            poses = self._driver.solve_again(index, self._solved[index], poses)
-            enough = (1.0 - self._config.spread_gain) * self._energy(index)
-            if self._energy(index, poses) > enough:
+            frame = self._solved[index]
+            target = self._driver.target_of(index, frame)
+            poses = self._driver.solve_again(target, poses)
+            enough = (1.0 - self._config.spread_gain) * self._driver.energy(target, frame.poses)
+            if self._driver.energy(target, poses) > enough:
                 break
             self._keep(index, poses, "neighbor")
             helped += 1
@@ -109,39 +112,37 @@ class _SecondLook:
         return frames
 
     def _flip_one(self, index: int) -> bool:
-        frame = self._solved[index]
-        start = self._likely_flip(index)
+        frame, driver = self._solved[index], self._driver
+        target = driver.target_of(index, frame)
+        start = self._likely_flip(frame, target)
         if start is None:
             return False
-        flipped = self._driver.solve_again(index, frame, start)
+        flipped = driver.solve_again(target, start)
+        enough = driver.energy(target, flipped) / (1.0 - self._config.gain)
         # Any pose gets better from being solved for longer: what counts is by how much more.
-        straight = self._driver.solve_again(index, frame, frame.poses)
-        if self._energy(index, flipped) > (1.0 - self._config.gain) * self._energy(index, straight):
+        if driver.energy(target, frame.poses) < enough:
+            return False
+        if driver.energy(target, driver.solve_again(target, frame.poses)) < enough:
             return False
         self._keep(index, flipped, "flipped limb")
         return True
 
-    def _likely_flip(self, index: int) -> AnchorPoses | None:
+    def _likely_flip(self, frame: SolvedFrame, target: FrameTarget) -> AnchorPoses | None:
         """Return the pose with the limb turned over that costs least so; None if all cost far more."""
-        frame, problem = self._solved[index], self._driver.problem
-        flips = flipped_poses(
-            problem.anchors, frame.poses, frame.camera, self._limbs, self._config.flips
-        )
-        nearly = (1.0 + self._config.nearly) * self._energy(index)
+        anchors, driver = self._driver.problem.anchors, self._driver
+        nearly = (1.0 + self._config.nearly) * driver.energy(target, frame.poses)
         likely = [
             (cost, limb, poses)
-            for limb, poses in flips
-            if (cost := self._energy(index, poses)) < nearly
+            for limb, poses in flipped_poses(
+                anchors, frame.poses, frame.camera, self._limbs, self._config.flips
+            )
+            if (cost := driver.energy(target, poses)) < nearly
         ]
         if not likely:
             return None
         tip = min(likely, key=lambda flip: flip[0])[1].tip
         # The longest part of it: turned over at a joint too far out, it stays bent the wrong way farther in.
         return [poses for _, limb, poses in likely if limb.tip == tip][-1]
-
-    def _energy(self, index: int, poses: AnchorPoses | None = None) -> float:
-        frame = self._solved[index]
-        return self._driver.energy(index, frame, frame.poses if poses is None else poses)
 
     def _keep(self, index: int, poses: AnchorPoses, start: str) -> None:
         frame = self._solved[index]

@@ -46,12 +46,15 @@ class Judge:
         self.truths = [self.flipped if is_flipped else self.rest for is_flipped in shown]
         self.solved_frames: list[int] = []
 
-    def energy(self, index: int, frame: SolvedFrame, poses: AnchorPoses) -> float:
-        return 1.0 + self._distance(index, poses)
+    def target_of(self, index: int, frame: SolvedFrame) -> int:
+        return index
 
-    def solve_again(self, index: int, frame: SolvedFrame, start: AnchorPoses) -> AnchorPoses:
-        self.solved_frames.append(index)
-        return self.truths[index] if self._distance(index, start) < 0.02 else start
+    def energy(self, target: int, poses: AnchorPoses) -> float:
+        return 1.0 + self._distance(target, poses)
+
+    def solve_again(self, target: int, start: AnchorPoses) -> AnchorPoses:
+        self.solved_frames.append(target)
+        return self.truths[target] if self._distance(target, start) < 0.02 else start
 
     def _distance(self, index: int, poses: AnchorPoses) -> float:
         return float((poses.translations - self.truths[index].translations).norm(dim=1).mean())
