@@ -50,12 +50,14 @@ def looked_at_again(
     """
     if config.every == 0:
         return list(solved)
+    if len(solved) > 1:
+        logger.info("Looking again for limbs that lean the wrong way in depth.")
     look = _SecondLook(solved, driver, config)
     for index in range(len(solved) - 1, 0, -config.every):
         if look.flip(index):
             spread = look.spread(index, -1) + look.spread(index, 1)
             logger.info(
-                "frame %d: explained better with a limb turned over in depth, and %d frames around it",
+                "frame %d is explained better with a limb turned over in depth, and %d frames around it",
                 driver.problem.frames.numbers[index],
                 spread,
             )

@@ -27,7 +27,7 @@ def sum_of_losses(drawn: ImageOnBlack, target: ImageOnBlack, weights: ImageWeigh
     return weights.rgb * color + weights.silhouette * coverage + weights.coarse * coarse
 
 
-@settings(deadline=None)  # the first call compiles
+@settings(derandomize=True, max_examples=40, deadline=None)  # the first call compiles
 @given(
     st.integers(0, 2**31),
     st.integers(1, 33),
