@@ -44,7 +44,7 @@ def _rgb_and_arap(config: FitConfig) -> FitConfig:
     )
     return dataclasses.replace(
         config,
-        driver=dataclasses.replace(config.driver, image_solver=image_solver),
+        driver=dataclasses.replace(config.driver, image_solver=image_solver, continue_motion=False),
         second_look=SecondLookConfig(every=0),
         steadying=SteadyingConfig(
             smoothing=SmoothingConfig(strength=0.0), rigid_body=RigidBodyConfig(residual=0.0)

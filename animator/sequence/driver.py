@@ -18,10 +18,10 @@ from animator.match.protocol import Matcher
 from animator.render.protocol import Renderer
 from animator.sequence.camera_pose import CameraTools, refine_camera
 from animator.sequence.claim_stage import ClaimStage, ClaimStageConfig
-from animator.sequence.extrapolation import extrapolated
 from animator.sequence.match_stage import FramePair, MatchStage, MatchStageConfig
 from animator.sequence.rigid_stage import RigidStage, RigidStageConfig
 from animator.sequence.solved_frame import FrameStats, SolvedFrame
+from animator.sequence.start_stage import StartStage
 from animator.sequence.stillness import shows_the_same
 from animator.sequence.stopwatch import Stopwatch
 from animator.sequence.target import (
@@ -51,6 +51,8 @@ class DriverConfig:
 
     use_matches: bool = True
     """Match, and solve the deformation term (off: `--no-deform`)."""
+    continue_motion: bool = True
+    """Expect motion to go on at constant velocity, where the frame agrees."""
     rest_overlap: float = 0.85
     """Silhouette IoU of the rest pose with frame 0 below which frame 0 is solved like the others."""
     matching: MatchStageConfig = dataclasses.field(default_factory=MatchStageConfig)
@@ -95,7 +97,7 @@ class Driver:
             problem.matcher,
             config.matching,
         )
-        self._claim_stage = ClaimStage(
+        claim_stage = ClaimStage(
             self._image_solver,
             self._match_stage,
             problem.renderer,
@@ -103,6 +105,7 @@ class Driver:
             self._colors,
             config.claims,
         )
+        self._start_stage = StartStage(self._image_solver, self._match_stage, claim_stage)
         self._rigid_stage = RigidStage(problem.gaussians, config.rigid, problem.seed)
         self._views = [
             FrameView.read(problem.frames, index) for index in range(len(problem.frames))
@@ -171,37 +174,23 @@ class Driver:
         watch = Stopwatch()
         # One generator a frame, so that a resumed run draws the same numbers as an unbroken one.
         rng = np.random.default_rng((self.problem.seed, index))
-        posed = self._image_solver.pose(previous.poses)
-        camera = self._camera(index, previous, posed)
-        self._colors.look(posed, camera)
-        window = crop_window(self._views[index], self._draw(posed, camera)[1], camera)
-        target = self._views[index].target(window, camera, self.problem.renderer.device)
-        expected, expected_name = previous.poses, "previous"
-        if before is not None:
-            onward = extrapolated(before.poses, previous.poses)
-            if self._is_better(onward, expected, target):
-                expected, expected_name = onward, "extrapolated"
+        camera = self._camera(index, previous)
+        window, target = self._sight(index, previous.poses, camera)
+        onward_from = before.poses if before and self._config.continue_motion else None
+        start = self._start_stage.expect(target, previous.poses, onward_from)
         watch.lap("render")
-
-        matched = None
         if self._config.use_matches:
             pair = self._pair(index, previous, window)
-            matched = self._match_stage.solve(pair, target, expected, rng, watch)
-        matches = None if matched is None else matched.matches
-        start, start_name = expected, expected_name
-        if matched is not None and self._is_better(matched.poses, start, target):
-            start, start_name = matched.poses, "matches"
-        watch.lap("choose start")
-        if matched is not None:
-            claimed = self._claim_stage.solve(start, matched, target, expected, rng)
-            if claimed is not None:
-                start, start_name = claimed, "claims"
-            watch.lap("claims")
+            start = self._start_stage.follow_matches(start, pair, target, rng, watch)
+        matches = start.matches
 
         groups = self._rigid_stage.begin(previous.groups, matches, target, rng)
         watch.lap("rigid groups")
         poses = self._image_solver.solve(
-            dataclasses.replace(target, matches=matches), start, expected, rigid_pairs=groups
+            dataclasses.replace(target, matches=matches),
+            start.poses,
+            start.expected,
+            rigid_pairs=groups,
         )
         watch.lap("image")
         reprojection_px = float("nan")
@@ -213,7 +202,7 @@ class Driver:
         stats = FrameStats(
             matches=0 if matches is None else len(matches),
             reprojection_px=reprojection_px,
-            start=start_name,
+            start=start.name,
             groups=final_groups.count,
             seconds=watch.seconds,
         )
@@ -249,30 +238,23 @@ class Driver:
 
     def target_of(self, index: int, frame: SolvedFrame) -> FrameTarget:
         """Return what a solved frame shows, cropped to where its pose and the object are."""
-        posed = self._image_solver.pose(frame.poses)
-        self._colors.look(posed, frame.camera)
-        window = crop_window(self._views[index], self._draw(posed, frame.camera)[1], frame.camera)
-        return self._views[index].target(window, frame.camera, self.problem.renderer.device)
+        return self._sight(index, frame.poses, frame.camera)[1]
 
     def _rest_uncertainty(self, rest: SolvedFrame) -> AnchorUncertainty:
         """Estimate how well frame 0 shows that it is at rest."""
-        _, alpha = self._draw(self.problem.gaussians, rest.camera)
-        window = crop_window(self._views[0], alpha, rest.camera)
-        target = self._views[0].target(window, rest.camera, self.problem.renderer.device)
+        window, target = self._sight(0, rest.poses, rest.camera)
         matches = None
         if self._config.use_matches:
             rng = np.random.default_rng((self.problem.seed, 0))
             matches = self._match_stage.find(self._pair(0, rest, window), rng)
         return self._match_stage.uncertainty(rest.poses, matches, target)
 
-    def _is_better(self, one: AnchorPoses, other: AnchorPoses, target: FrameTarget) -> bool:
-        """Tell whether the render of one pose explains the frame better than that of another.
-
-        Matches are excellent on texture and harmful where there is none, and motion goes on or not;
-        the render tells which.
-        """
-        error = self._image_solver.image_error
-        return error(one, target) < error(other, target)
+    def _sight(self, index: int, poses: AnchorPoses, camera: Camera) -> tuple[Window, FrameTarget]:
+        """Look at a frame in the colors of a pose: crop it to where the pose and the object are."""
+        posed = self._image_solver.pose(poses)
+        self._colors.look(posed, camera)
+        window = crop_window(self._views[index], self._draw(posed, camera)[1], camera)
+        return window, self._views[index].target(window, camera, self.problem.renderer.device)
 
     def _pair(self, index: int, previous: SolvedFrame, window: Window) -> FramePair:
         """Pair the frame with the one before it, frame 0 with the render of the rest pose."""
@@ -290,7 +272,7 @@ class Driver:
             frame=self._views[index].masked(window),
         )
 
-    def _camera(self, index: int, previous: SolvedFrame, posed: Gaussians) -> Camera:
+    def _camera(self, index: int, previous: SolvedFrame) -> Camera:
         """Return the frame's camera, followed from the previous frame's if it moves."""
         if not self.problem.follow_camera:
             return self.problem.cameras[index]
@@ -300,6 +282,7 @@ class Driver:
             matcher=self.problem.matcher,
         )
         frame = self._views[index].masked()
+        posed = self._image_solver.pose(previous.poses)
         return refine_camera(posed, previous.camera, frame, tools).camera
 
     def _draw(self, gaussians: Gaussians, camera: Camera) -> tuple[torch.Tensor, torch.Tensor]:

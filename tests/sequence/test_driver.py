@@ -30,7 +30,13 @@ def turned(gaussians: Gaussians, degrees: float) -> Gaussians:
     return gaussians.posed(torch.as_tensor(means, dtype=torch.float32), gaussians.quats_wxyz)
 
 
-def driver(box: Gaussians, frames: Frames, cameras: tuple[Camera, ...], **problem) -> Driver:
+def driver(
+    box: Gaussians,
+    frames: Frames,
+    cameras: tuple[Camera, ...],
+    config: DriverConfig | None = None,
+    **problem,
+) -> Driver:
     return Driver(
         ClipProblem(
             gaussians=box,
@@ -42,7 +48,7 @@ def driver(box: Gaussians, frames: Frames, cameras: tuple[Camera, ...], **proble
             seed=0,
             **problem,
         ),
-        DriverConfig(),
+        config or DriverConfig(),
     )
 
 
@@ -135,15 +141,16 @@ def test_a_turning_box_is_followed_and_the_same_run_gives_the_same_bytes(box):
         np.testing.assert_array_equal(first.groups.labels, second.groups.labels)
 
 
-def test_motion_is_expected_to_go_on_and_no_more_than_the_frame_shows(box):
+@pytest.mark.parametrize("continues", [True, False])
+def test_motion_is_expected_to_go_on_and_no_more_than_the_frame_shows(box, continues):
     angles = [0.0, 8.0, 16.0, 16.5]
     frames = filmed([draw(RENDERER, turned(box, a), CAMERA) for a in angles])
-    solver = driver(box, frames, (CAMERA,) * 4)
-    solver._config = dataclasses.replace(solver._config, use_matches=False)
+    config = DriverConfig(use_matches=False, continue_motion=continues)
+    solver = driver(box, frames, (CAMERA,) * 4, config)
     solved = [solver.first()]
     list(solver.run(solved))
     starts = [frame.stats.start for frame in solved]
-    assert starts == ["rest", "previous", "extrapolated", "previous"]
+    assert starts == ["rest", "previous", "extrapolated" if continues else "previous", "previous"]
 
 
 def test_frame_0_is_solved_where_it_does_not_show_the_rest_pose(box, caplog):
