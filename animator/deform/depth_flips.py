@@ -10,10 +10,8 @@ import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
-import torch
-from scipy.spatial.transform import Rotation
 
-from animator.deform.anchors import distances_between
+from animator.deform.limbs import Limb, line_of, turned
 from animator.types import AnchorPoses, Anchors, Camera
 
 
@@ -22,45 +20,9 @@ class FlipConfig:
     """Which limbs there are, and which of them lean."""
 
     lengths: tuple[float, ...] = (0.3, 0.45, 0.6, 0.75)
-    """Lengths of a limb [share of the way from its tip to the middle of the object]."""
+    """Lengths of a limb [share of the way from its tip to the middle of the object], the shortest first."""
     least_slope: float = 0.25
     """Share of a limb's length that runs along the viewing ray, below which both poses are the same."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class Limb:
-    """The anchors near a tip of the object."""
-
-    tip: int
-    """Index of the anchor at its end."""
-    shares: np.ndarray
-    """How far each anchor belongs to it, 0..1, falling over one spacing, shape (A,)."""
-    base: np.ndarray
-    """Indices of the anchors around the place where it begins, shape (B,)."""
-
-
-def find_limbs(anchors: Anchors, config: FlipConfig) -> list[Limb]:
-    """Find limbs of some lengths at each tip, an anchor that is farther from the middle than its neighbors.
-
-    Returns:
-        The limbs, tip by tip, the shortest of each first.
-    """
-    along = distances_between(anchors)
-    from_middle = along[along.sum(axis=1).argmin()]
-    first, second = anchors.edges.cpu().numpy().T
-    is_tip = np.ones(len(anchors), bool)
-    np.logical_and.at(is_tip, first, from_middle[first] >= from_middle[second])
-
-    limbs = []
-    for tip in np.flatnonzero(is_tip):
-        for length in config.lengths:
-            beyond = along[tip] - length * from_middle[tip]
-            base = np.flatnonzero((beyond >= 0) & (beyond < 1.2 * anchors.spacing))
-            # Two anchors at least: one alone has no direction.
-            if (beyond < 0).sum() >= 2 and len(base):
-                shares = np.clip(0.5 - beyond / anchors.spacing, 0, 1)
-                limbs.append(Limb(tip=int(tip), shares=shares, base=base))
-    return limbs
 
 
 def flipped_poses(
@@ -85,30 +47,16 @@ def flipped_poses(
     Yields:
         Each limb that leans, with the pose in which it is turned over.
     """
-    rest = anchors.positions.detach().cpu().numpy().astype(np.float64)
-    places = rest + poses.translations.detach().cpu().numpy()
-    turns = Rotation.from_quat(poses.quats_wxyz.detach().cpu().numpy(), scalar_first=True)
     for limb in limbs:
-        base = places[limb.base].mean(axis=0)
-        middle = np.average(places, axis=0, weights=limb.shares)
-        direction = middle - base
-        ray = (middle - camera.position) / np.linalg.norm(middle - camera.position)
-        depth, length = float(direction @ ray), float(np.linalg.norm(direction))
+        line = line_of(limb, anchors, poses, camera)
+        depth = float(line.direction @ line.ray)
+        length = float(np.linalg.norm(line.direction))
         if abs(depth) < config.least_slope * length:
             continue
-        axis = np.cross(direction, -np.sign(depth) * ray)
+        axis = np.cross(line.direction, -np.sign(depth) * line.ray)
         if np.linalg.norm(axis) < 1e-6 * length:
             continue
         # The angle between the direction and its mirror image.
         angle = 2.0 * np.arcsin(min(abs(depth) / length, 1.0))
         rotvec = angle * axis / np.linalg.norm(axis)
-        flip = Rotation.from_rotvec(limb.shares[:, None] * rotvec)
-        moved = np.where(
-            limb.shares[:, None] > 0, base + flip.apply(places - base) - rest, places - rest
-        )
-        quats_wxyz = torch.as_tensor((flip * turns).as_quat(scalar_first=True))
-        flipped = AnchorPoses(
-            quats_wxyz=quats_wxyz.to(poses.quats_wxyz),
-            translations=torch.as_tensor(moved).to(poses.translations),
-        )
-        yield limb, flipped
+        yield limb, turned(limb, anchors, poses, line.base, rotvec)

@@ -3,14 +3,17 @@
 A limb that once leans the wrong way mostly does so to the end of the clip, for every frame starts from the last.
 So here and there in the clip limbs are turned over and the frame is solved again; if the energy of the image stage
 says that this is the better pose, its neighbors are solved from it, as far as that helps them.
+
+Frames are solved again without matches and rigid groups; what the first pass found of groups and uncertainty stays.
 """
 
 import dataclasses
 import logging
 from collections.abc import Sequence
 
-from animator.deform.depth_flips import FlipConfig, find_limbs, flipped_poses
+from animator.deform.depth_flips import FlipConfig, flipped_poses
 from animator.deform.image_solver import FrameTarget
+from animator.deform.limbs import find_limbs
 from animator.sequence.driver import Driver
 from animator.sequence.solved_frame import SolvedFrame
 from animator.types import AnchorPoses
@@ -73,7 +76,7 @@ class _SecondLook:
         self._solved = list(solved)
         self._driver = driver
         self._config = config
-        self._limbs = find_limbs(driver.problem.anchors, config.flips)
+        self._limbs = find_limbs(driver.problem.anchors, config.flips.lengths)
 
     def flip(self, index: int) -> bool:
         """Turn limbs of a frame over in depth; return whether any stays so."""

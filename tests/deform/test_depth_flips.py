@@ -4,7 +4,8 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from animator.deform.anchors import build_anchors
-from animator.deform.depth_flips import FlipConfig, find_limbs, flipped_poses
+from animator.deform.depth_flips import FlipConfig, flipped_poses
+from animator.deform.limbs import find_limbs
 from animator.types import AnchorPoses
 from tests.helpers.objects import box_points, front_camera, gaussians_at
 
@@ -39,7 +40,7 @@ def leaning(anchors, degrees: float) -> AnchorPoses:
 
 
 def flips_of_the_arm(anchors, poses) -> list[tuple]:
-    limbs = find_limbs(anchors, CONFIG)
+    limbs = find_limbs(anchors, CONFIG.lengths)
     end = int(anchors.positions[:, 0].argmax())
     flips = flipped_poses(anchors, poses, CAMERA, limbs, CONFIG)
     return [(limb, flipped) for limb, flipped in flips if limb.shares[end] == 1]
@@ -51,7 +52,7 @@ def places(anchors, poses) -> np.ndarray:
 
 def test_finds_the_arm(anchors):
     end = anchors.positions[:, 0].argmax()
-    lengths = [limb.shares.sum() for limb in find_limbs(anchors, CONFIG) if limb.tip == end]
+    lengths = [limb.shares.sum() for limb in find_limbs(anchors, CONFIG.lengths) if limb.tip == end]
     assert len(lengths) >= 3
     assert lengths == sorted(lengths)
 

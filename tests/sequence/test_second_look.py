@@ -8,7 +8,8 @@ import pytest
 import torch
 
 from animator.deform.anchors import build_anchors
-from animator.deform.depth_flips import find_limbs, flipped_poses
+from animator.deform.depth_flips import flipped_poses
+from animator.deform.limbs import find_limbs
 from animator.sequence.second_look import SecondLookConfig, looked_at_again
 from animator.sequence.solved_frame import FrameStats, SolvedFrame
 from animator.types import AnchorPoses, RigidGroups
@@ -40,7 +41,7 @@ class Judge:
         self.problem = types.SimpleNamespace(anchors=anchors, gaussians=gaussians, frames=frames)
         self.rest = AnchorPoses.identity(anchors)
         end = int(anchors.positions[:, 0].argmax())
-        limbs = find_limbs(anchors, CONFIG.flips)
+        limbs = find_limbs(anchors, CONFIG.flips.lengths)
         flips = flipped_poses(anchors, self.rest, CAMERA, limbs, CONFIG.flips)
         self.flipped = [poses for limb, poses in flips if limb.tip == end][-1]
         self.truths = [self.flipped if is_flipped else self.rest for is_flipped in shown]
