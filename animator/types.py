@@ -99,6 +99,14 @@ class Camera:
             self, intrinsics=intrinsics, width_px=width_px, height_px=height_px
         )
 
+    def halved(self) -> "Camera":
+        """Return the camera of the image at half its size; an odd last row or column is left out."""
+        intrinsics = self.intrinsics.copy()
+        intrinsics[:2] /= 2.0
+        return dataclasses.replace(
+            self, intrinsics=intrinsics, width_px=self.width_px // 2, height_px=self.height_px // 2
+        )
+
     def with_pose(self, cam_from_world: np.ndarray) -> "Camera":
         """Return the same lens at another pose."""
         return dataclasses.replace(self, cam_from_world=np.asarray(cam_from_world, np.float64))

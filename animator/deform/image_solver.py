@@ -153,6 +153,7 @@ class ImageSolver:
         rigid_pairs: Callable[[int, Gaussians], RigidPairs | None] = lambda settled_steps, posed: (
             None
         ),
+        most_steps: int | None = None,
     ) -> AnchorPoses:
         """Minimize the total loss (Eq. 7) from `start`.
 
@@ -163,6 +164,7 @@ class ImageSolver:
             rigid_pairs: Called before each step with the number of steps since the loss no longer falls
                 (negative before) and the detached Gaussians of the last one; returns the pairs of Eq. 4.
                 Refinement of the rigid groups happens inside it (Algorithm 2).
+            most_steps: Steps at most, if fewer than `config.pace` says.
 
         Returns:
             The pose after the last step, unit quaternions.
@@ -187,7 +189,10 @@ class ImageSolver:
             {"params": [shifts], "lr": config.shift_rate},
             *(group for level in nodes for group in level.unknowns),
         ]
-        descend(unknowns, config.pace, loss_at)
+        pace = config.pace
+        if most_steps is not None:
+            pace = dataclasses.replace(pace, most_steps=min(most_steps, pace.most_steps))
+        descend(unknowns, pace, loss_at)
         with torch.no_grad():
             return self._step_from(start, turns, shifts, nodes)
 

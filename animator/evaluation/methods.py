@@ -9,6 +9,7 @@ from animator.deform.image_solver import ImageSolverConfig, LossWeights
 from animator.deform.losses import SQUARES
 from animator.errors import InputError
 from animator.pipeline import FitConfig
+from animator.sequence.limb_search import LimbSearchConfig
 from animator.sequence.rigid_body import RigidBodyConfig
 from animator.sequence.second_look import SecondLookConfig
 from animator.sequence.smoothing import SmoothingConfig
@@ -44,7 +45,12 @@ def _rgb_and_arap(config: FitConfig) -> FitConfig:
     )
     return dataclasses.replace(
         config,
-        driver=dataclasses.replace(config.driver, image_solver=image_solver, continue_motion=False),
+        driver=dataclasses.replace(
+            config.driver,
+            image_solver=image_solver,
+            continue_motion=False,
+            limb_search=LimbSearchConfig(most_swings=0),
+        ),
         second_look=SecondLookConfig(every=0),
         steadying=SteadyingConfig(
             smoothing=SmoothingConfig(strength=0.0), rigid_body=RigidBodyConfig(residual=0.0)

@@ -18,6 +18,7 @@ from animator.match.protocol import Matcher
 from animator.render.protocol import Renderer
 from animator.sequence.camera_pose import CameraTools, refine_camera
 from animator.sequence.claim_stage import ClaimStage, ClaimStageConfig
+from animator.sequence.limb_search import LimbSearch, LimbSearchConfig, is_far
 from animator.sequence.match_stage import FramePair, MatchStage, MatchStageConfig
 from animator.sequence.rigid_stage import RigidStage, RigidStageConfig
 from animator.sequence.solved_frame import FrameStats, SolvedFrame
@@ -59,6 +60,7 @@ class DriverConfig:
     claims: ClaimStageConfig = dataclasses.field(default_factory=ClaimStageConfig)
     rigid: RigidStageConfig = dataclasses.field(default_factory=RigidStageConfig)
     image_solver: ImageSolverConfig = dataclasses.field(default_factory=ImageSolverConfig)
+    limb_search: LimbSearchConfig = dataclasses.field(default_factory=LimbSearchConfig)
     rigid_solver: RigidSolverConfig = dataclasses.field(default_factory=RigidSolverConfig)
 
 
@@ -107,6 +109,14 @@ class Driver:
         )
         self._start_stage = StartStage(self._image_solver, self._match_stage, claim_stage)
         self._rigid_stage = RigidStage(problem.gaussians, config.rigid, problem.seed)
+        self._limb_search = LimbSearch(
+            self._image_solver,
+            problem.anchors,
+            problem.renderer,
+            self._draw,
+            self._colors,
+            config.limb_search,
+        )
         self._views = [
             FrameView.read(problem.frames, index) for index in range(len(problem.frames))
         ]
@@ -143,9 +153,31 @@ class Driver:
             Each newly solved frame.
         """
         for index in range(len(solved), len(self._views)):
-            before = solved[-2] if index > 1 else None
-            solved.append(self._held(index, solved) or self.solve(index, solved[-1], before))
+            solved.append(self._held(index, solved) or self._moved(index, solved))
             yield solved[-1]
+
+    def _moved(self, index: int, solved: list[SolvedFrame]) -> SolvedFrame:
+        """Solve a frame from the ones before it, and search for its limbs where they moved far."""
+        frame = self.solve(index, solved[-1], solved[-2] if index > 1 else None)
+        last = solved[-1]
+        config = self._config.limb_search
+        if config.most_swings == 0 or not is_far(
+            solved, frame, self.problem.gaussians.diagonal, config
+        ):
+            return frame
+        watch = Stopwatch()
+        usual = self.energy(self.target_of(index - 1, last), last.poses)
+        target = self.target_of(index, frame)
+        if self.energy(target, frame.poses) < config.worse * usual:
+            return frame
+        poses = self._limb_search.solve(target, frame.poses, last.poses)
+        watch.lap("limb search")
+        seconds = {**frame.stats.seconds, **watch.seconds}
+        stats = dataclasses.replace(frame.stats, seconds=seconds)
+        if poses is None:
+            return dataclasses.replace(frame, stats=stats)
+        stats = dataclasses.replace(stats, start="limb search")
+        return dataclasses.replace(frame, poses=poses, stats=stats)
 
     def _held(self, index: int, solved: list[SolvedFrame]) -> SolvedFrame | None:
         """Return the last result again if this frame shows what the frame it comes from showed."""

@@ -14,8 +14,9 @@ class FrameStats:
     reprojection_px: float
     """Median distance of matched Gaussians to their pixels after solving [px]; NaN without matches."""
     start: str
-    """Which candidate started the image stage: `rest`, `previous`, `extrapolated`, `matches` or `claims`, in
-    the second look `flipped limb` or `neighbor`; `held` for a frame that shows nothing new and is not solved."""
+    """Which candidate started the image stage: `rest`, `previous`, `extrapolated`, `matches` or `claims`; where
+    limbs were searched for with success `limb search`, in the second look `flipped limb` or `neighbor`; `held` for a
+    frame that shows nothing new and is not solved."""
     groups: int
     """Rigid groups at the end of the frame."""
     seconds: dict[str, float]

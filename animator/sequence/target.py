@@ -67,6 +67,18 @@ class FrameView:
         return self.rgb[rows, columns], self.alpha[rows, columns]
 
 
+def halved(target: FrameTarget) -> FrameTarget:
+    """Return a frame at half its size, each pixel the mean of four, without its matches."""
+    planes = torch.cat([target.image.rgb, target.image.alpha[..., None]], dim=-1).movedim(-1, 0)
+    means = torch.nn.functional.avg_pool2d(planes[None], 2)[0].movedim(0, -1)
+    return FrameTarget(
+        image=ImageOnBlack(rgb=means[..., :3].contiguous(), alpha=means[..., 3].contiguous()),
+        camera=target.camera.halved(),
+        matches=None,
+        object_px=target.object_px / 2.0,
+    )
+
+
 def object_size_px(mask: np.ndarray) -> float:
     """Measure the diagonal of the mask's bounding box [px], at least 1."""
     rows, columns = np.nonzero(mask)

@@ -10,8 +10,9 @@ from animator.deform.anchors import build_anchors
 from animator.match.flow import FlowMatcher
 from animator.render.cpu import CpuRenderer
 from animator.sequence.driver import ClipProblem, Driver, DriverConfig
+from animator.sequence.limb_search import LimbSearchConfig
 from animator.threads import same_bytes_on_any_threads
-from animator.types import Camera, Frames, Gaussians
+from animator.types import AnchorPoses, Camera, Frames, Gaussians
 from tests.helpers.objects import front_camera
 from tests.helpers.textured import draw, filmed, textured_box
 
@@ -151,6 +152,30 @@ def test_motion_is_expected_to_go_on_and_no_more_than_the_frame_shows(box, conti
     list(solver.run(solved))
     starts = [frame.stats.start for frame in solved]
     assert starts == ["rest", "previous", "extrapolated" if continues else "previous", "previous"]
+
+
+@pytest.mark.parametrize(
+    ("search", "searches"),
+    [
+        (LimbSearchConfig(far=0.0, worse=0.0), True),
+        (LimbSearchConfig(far=9.0, worse=0.0), False),
+        (LimbSearchConfig(far=0.0, worse=1e6), False),
+        (LimbSearchConfig(far=0.0, worse=0.0, most_swings=0), False),
+    ],
+)
+def test_limbs_are_searched_for_where_the_step_is_large_and_the_frame_is_badly_explained(
+    box, monkeypatch, search, searches
+):
+    frames = filmed([draw(RENDERER, turned(box, a), CAMERA) for a in (0.0, 8.0)])
+    config = DriverConfig(use_matches=False, limb_search=search)
+    solver = driver(box, frames, (CAMERA,) * 2, config)
+    found = AnchorPoses.identity(solver.problem.anchors)
+    monkeypatch.setattr(solver._limb_search, "solve", lambda *_: found)
+    solved = [solver.first()]
+    list(solver.run(solved))
+    assert (solved[1].poses is found) is searches
+    assert (solved[1].stats.start == "limb search") is searches
+    assert ("limb search" in solved[1].stats.seconds) is searches
 
 
 def test_frame_0_is_solved_where_it_does_not_show_the_rest_pose(box, caplog):

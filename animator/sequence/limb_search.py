@@ -1,0 +1,211 @@
+"""Search for limbs after a large step: where descent from the last pose ends up in the wrong place.
+
+A descent finds what is near. After a large step a limb may be nearer to the place of another, or hidden, or have
+turned too far. So a frame that moved farther than any before it is solved from other starts, too: from the last
+pose with a stiff object first, which keeps limbs in order; and from each solution with one limb after the other swung
+to the sides, all descending side by side on a smaller picture, the worst dropping out. The energy of the image
+stage says which is kept.
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from animator.deform.image_solver import Draw, FrameTarget, ImageSolver
+from animator.deform.limb_swings import SwingConfig, swung_poses
+from animator.deform.limbs import Limb, find_limbs
+from animator.deform.losses import SQUARES
+from animator.deform.thinning import thinned
+from animator.render.protocol import Renderer
+from animator.sequence.solved_frame import SolvedFrame
+from animator.sequence.target import halved
+from animator.sequence.view_colors import ViewColors
+from animator.types import AnchorPoses, Anchors, Gaussians
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Heat:
+    """One part of a race."""
+
+    steps: int
+    """Steps that everyone descends for."""
+    places: int
+    """Candidates that go on."""
+    places_per_limb: int
+    """And of those with the same limb swung."""
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LimbSearchConfig:
+    """When limbs are searched for, and how long."""
+
+    far: float = 0.03
+    """Step from one frame to the next, of the fastest twentieth of the anchors, that is large [diagonals]."""
+    farther: float = 1.5
+    """Times the largest step before, that a step must be."""
+    worse: float = 1.6
+    """Times the energy of the frame before, that its energy must be."""
+    nearly: float = 0.25
+    """Share by which the solution that was stiff at first may cost more than the frame's own to be gone on from."""
+    most_swings: int = 3
+    """Limbs that are swung, one after the other, as long as it helps; 0 switches the search off."""
+    heats: tuple[Heat, ...] = (
+        Heat(steps=8, places=12, places_per_limb=2),
+        Heat(steps=16, places=6, places_per_limb=1),
+        Heat(steps=32, places=2, places_per_limb=1),
+    )
+    """A race of candidates; those that win places in the last are solved in full."""
+    back: float = 0.5
+    """Share of its swing left, below which a limb has come back to where it was, and drops out."""
+    gain: float = 0.03
+    """Share of the energy that another solution must save, over the frame's own solved for as long."""
+    swing_gain: float = 0.01
+    """Share of the energy that a swing must save for the next to be tried."""
+    most_gaussians: int = 5000
+    """Gaussians drawn in a race."""
+    swings: SwingConfig = dataclasses.field(default_factory=SwingConfig)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class _Runner:
+    """One candidate of a race."""
+
+    limb: Limb
+    poses: AnchorPoses
+    swing: float
+    """How far the limb was swung [scene unit]."""
+
+
+def is_far(
+    solved: Sequence[SolvedFrame], frame: SolvedFrame, diagonal: float, config: LimbSearchConfig
+) -> bool:
+    """Tell whether a frame is a larger step from the last one than any step before it.
+
+    Args:
+        solved: The frames before it, at least one.
+        frame: The frame.
+        diagonal: Of the object at rest [scene unit].
+        config: What large means.
+    """
+    poses = [*(earlier.poses for earlier in solved), frame.poses]
+    *before, last = (_step(one, other) / diagonal for one, other in itertools.pairwise(poses))
+    return last > max([config.far, *(config.farther * step for step in before)])
+
+
+class LimbSearch:
+    """Searches in the frames of one clip."""
+
+    def __init__(
+        self,
+        image_solver: ImageSolver,
+        anchors: Anchors,
+        renderer: Renderer,
+        draw: Draw,
+        colors: ViewColors,
+        config: LimbSearchConfig,
+    ) -> None:
+        self._solver = image_solver
+        self._anchors = anchors
+        self._renderer = renderer
+        self._colors = colors
+        self._config = config
+        stiff = dataclasses.replace(image_solver.config, arap_norm=SQUARES, turn_norm=SQUARES)
+        self._stiff_solver = ImageSolver(image_solver.gaussians, anchors, draw, stiff)
+        self._limbs = find_limbs(anchors, (config.swings.length,))
+
+    def solve(
+        self, target: FrameTarget, own: AnchorPoses, previous: AnchorPoses
+    ) -> AnchorPoses | None:
+        """Search for a better solution of a frame.
+
+        Args:
+            target: The frame, seen in the colors of the present view.
+            own: Its solution so far.
+            previous: The pose of the frame before it.
+
+        Returns:
+            The better one; None if none is clearly better.
+        """
+        config = self._config
+        stiff = self._stiff_solver.solve(target, previous, previous)
+        ordered = self._solver.solve(target, stiff, previous)
+        nearly = (1.0 + config.nearly) * self._energy(target, own)
+        start = ordered if self._energy(target, ordered) < nearly else own
+        best = self._best(target, [own, ordered])
+        for _ in range(config.most_swings):
+            better = self._best(target, [best, *self._swung(target, start)])
+            if better is best:
+                break
+            start = best = better
+        enough = self._energy(target, best) / (1.0 - config.gain)
+        if self._energy(target, own) < enough:
+            return None
+        # Any pose gets better from being solved for longer: what counts is by how much more.
+        longer = self._solver.solve(target, own, own)
+        return best if self._energy(target, longer) > enough else None
+
+    def _swung(self, target: FrameTarget, poses: AnchorPoses) -> list[AnchorPoses]:
+        """Swing limbs of a pose, and solve from the swings that promise most."""
+        small, solver = halved(target), self._thin_solver()
+        runners = [
+            _Runner(limb=limb, poses=swung, swing=_distance(limb, swung, poses))
+            for limb in self._limbs
+            for swung in swung_poses(self._anchors, poses, target.camera, limb, self._config.swings)
+        ]
+        for heat in self._config.heats:
+            poses = solver.solve(small, poses, poses, most_steps=heat.steps)
+            runners = [
+                dataclasses.replace(
+                    runner,
+                    poses=solver.solve(small, runner.poses, runner.poses, most_steps=heat.steps),
+                )
+                for runner in runners
+            ]
+            runners.sort(key=lambda runner: solver.energy(runner.poses, small, runner.poses))
+            runners = self._placed(runners, poses, heat)
+        return [self._solver.solve(target, runner.poses, runner.poses) for runner in runners]
+
+    def _placed(self, runners: Sequence[_Runner], poses: AnchorPoses, heat: Heat) -> list[_Runner]:
+        """Return those that go on, of candidates in the order of their energies."""
+        placed: list[_Runner] = []
+        for runner in runners:
+            is_back = _distance(runner.limb, runner.poses, poses) < self._config.back * runner.swing
+            of_limb = sum(runner.limb is other.limb for other in placed)
+            if not is_back and of_limb < heat.places_per_limb:
+                placed.append(runner)
+        return placed[: heat.places]
+
+    def _best(self, target: FrameTarget, candidates: Sequence[AnchorPoses]) -> AnchorPoses:
+        """Return the candidate of the least energy, the first if no other is clearly better."""
+        first = self._energy(target, candidates[0])
+        best = min(candidates, key=lambda poses: self._energy(target, poses))
+        is_clear = self._energy(target, best) < (1.0 - self._config.swing_gain) * first
+        return best if is_clear else candidates[0]
+
+    def _thin_solver(self) -> ImageSolver:
+        """Return a solver of the object with fewer Gaussians, in the colors of the present view."""
+
+        def draw(gaussians: Gaussians, camera):
+            rendering = self._renderer.render(gaussians, camera)
+            return rendering.rgb, rendering.alpha
+
+        painted = self._colors.paint(self._solver.gaussians)
+        gaussians, anchors = thinned(painted, self._anchors, self._config.most_gaussians)
+        return ImageSolver(gaussians, anchors, draw, self._solver.config)
+
+    def _energy(self, target: FrameTarget, poses: AnchorPoses) -> float:
+        return self._solver.energy(poses, target, poses)
+
+
+def _distance(limb: Limb, one: AnchorPoses, other: AnchorPoses) -> float:
+    """Measure how far apart a limb is in two poses [scene unit]."""
+    moved = (one.translations - other.translations).norm(dim=1).detach().cpu().numpy()
+    return float(np.average(moved, weights=limb.shares))
+
+
+def _step(one: AnchorPoses, other: AnchorPoses) -> float:
+    """Measure how far the fastest twentieth of the anchors moved at least [scene unit]."""
+    moved = (other.translations - one.translations).norm(dim=1)
+    return float(np.percentile(moved.detach().cpu().numpy(), 95))

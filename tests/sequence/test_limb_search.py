@@ -1,0 +1,114 @@
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from animator.deform.anchors import build_anchors
+from animator.deform.image_solver import ImageSolver, ImageSolverConfig
+from animator.deform.pace import PaceConfig
+from animator.render.cpu import CpuRenderer
+from animator.sequence.limb_search import LimbSearch, LimbSearchConfig, is_far
+from animator.sequence.solved_frame import FrameStats, SolvedFrame
+from animator.sequence.target import FrameView, Window
+from animator.sequence.view_colors import ViewColors
+from animator.types import AnchorPoses, Gaussians, RigidGroups
+from tests.helpers.objects import front_camera
+from tests.helpers.textured import draw, filmed, textured_box
+
+CAMERA = front_camera(4.5, size_px=96)
+RENDERER = CpuRenderer()
+STATS = FrameStats(matches=0, reprojection_px=0.0, start="previous", groups=0, seconds={})
+CONFIG = LimbSearchConfig(most_swings=1)
+SOLVER = ImageSolverConfig(pace=PaceConfig(most_steps=60))
+
+
+@pytest.fixture(scope="module")
+def armed() -> Gaussians:
+    """A textured body with a textured arm to the right of it."""
+    body, arm = textured_box(1500, seed=0), textured_box(500, seed=1)
+    places = arm.means * torch.tensor([0.8, 0.25, 0.3]) + torch.tensor([1.2, 0.2, 0.0])
+    fields = {
+        field.name: torch.cat([getattr(body, field.name), getattr(arm, field.name)])
+        for field in dataclasses.fields(Gaussians)
+    }
+    fields["means"] = torch.cat([body.means, places])
+    return Gaussians(**fields)
+
+
+def raised(gaussians: Gaussians, degrees: float) -> Gaussians:
+    """The arm turned about its root in the picture."""
+    turn = Rotation.from_euler("z", degrees, degrees=True)
+    root = np.array([0.7, 0.2, 0.0])
+    means = gaussians.means.numpy().astype(np.float64)
+    means[1500:] = root + turn.apply(means[1500:] - root)
+    return gaussians.posed(torch.as_tensor(means).float(), gaussians.quats_wxyz)
+
+
+class Lab:
+    """A solver, a search, and the frame with the arm raised."""
+
+    def __init__(self, gaussians: Gaussians, degrees: float):
+        self.rest = gaussians
+        self.anchors = build_anchors(gaussians, target_count=40)
+        colors = ViewColors()
+
+        def render(posed, camera):
+            rendering = RENDERER.render(posed, camera)
+            return rendering.rgb, rendering.alpha
+
+        self.solver = ImageSolver(gaussians, self.anchors, render, SOLVER)
+        self.search = LimbSearch(self.solver, self.anchors, RENDERER, render, colors, CONFIG)
+        self.true = raised(gaussians, degrees)
+        frames = filmed([draw(RENDERER, self.true, CAMERA)])
+        window = Window(left=0, top=0, width=CAMERA.width_px, height=CAMERA.height_px)
+        self.target = FrameView.read(frames, 0).target(window, CAMERA, RENDERER.device)
+        self.still = AnchorPoses.identity(self.anchors)
+
+    def error(self, poses: AnchorPoses) -> float:
+        """Mean error of the arm, as a share of its motion."""
+        off = (self.solver.pose(poses).means - self.true.means)[1500:].norm(dim=1).mean()
+        return float(off / (self.rest.means - self.true.means)[1500:].norm(dim=1).mean())
+
+
+def test_finds_an_arm_that_descent_has_lost(armed):
+    lab = Lab(armed, 75.0)
+    own = lab.solver.solve(lab.target, lab.still, lab.still)
+    assert lab.error(own) > 0.8, "descent finds it by itself: nothing to search for"
+    found = lab.search.solve(lab.target, own, lab.still)
+    assert found is not None
+    assert lab.error(found) < 0.2
+
+
+def test_keeps_what_is_right(armed):
+    lab = Lab(armed, 8.0)
+    own = lab.solver.solve(lab.target, lab.still, lab.still)
+    assert lab.error(own) < 0.15
+    found = lab.search.solve(lab.target, own, lab.still)
+    assert found is None or lab.error(found) < 0.15
+
+
+@pytest.mark.parametrize(
+    ("places", "far"),
+    [
+        ((0.0, 0.02), False),
+        ((0.0, 0.04), True),
+        ((0.0, 0.04, 0.09), False),
+        ((0.0, 0.04, 0.11), True),
+        ((0.0, 0.001, 0.002, 0.042), True),
+        ((0.0, 0.2, 0.2), False),
+    ],
+)
+def test_far_is_a_large_step_and_larger_than_any_before(places, far):
+    def frame(place: float) -> SolvedFrame:
+        poses = AnchorPoses(
+            quats_wxyz=torch.eye(4)[:1].repeat(50, 1),
+            translations=torch.full((50, 1), place) * torch.tensor([[1.0, 0.0, 0.0]]),
+        )
+        groups = RigidGroups(labels=np.full(1, -1, np.int64))
+        return SolvedFrame(poses=poses, camera=CAMERA, groups=groups, stats=STATS)
+
+    *before, last = map(frame, places)
+    config = LimbSearchConfig(far=0.03, farther=1.5)
+    assert is_far(before, last, 1.0, config) is far
