@@ -61,8 +61,10 @@ class LimbSearchConfig:
     """Share of its swing left, below which a limb has come back to where it was, and drops out."""
     gain: float = 0.03
     """Share of the energy that another solution must save, over the frame's own solved for as long."""
-    swing_gain: float = 0.01
-    """Share of the energy that a swing must save for the next to be tried."""
+    swing_gain: float = 0.1
+    """And that the first swing must save: what saves less is mostly a limb that leans the wrong way in depth."""
+    next_gain: float = 0.01
+    """And each swing after it."""
     most_gaussians: int = 5000
     """Gaussians drawn in a race."""
     swings: SwingConfig = dataclasses.field(default_factory=SwingConfig)
@@ -133,12 +135,14 @@ class LimbSearch:
         ordered = self._solver.solve(target, stiff, previous)
         nearly = (1.0 + config.nearly) * self._energy(target, own)
         start = ordered if self._energy(target, ordered) < nearly else own
-        best = self._best(target, [own, ordered])
+        best = self._better(target, own, [ordered], config.gain)
+        gain = config.swing_gain
         for _ in range(config.most_swings):
-            better = self._best(target, [best, *self._swung(target, start)])
+            better = self._better(target, best, self._swung(target, start), gain)
             if better is best:
                 break
             start = best = better
+            gain = config.next_gain
         enough = self._energy(target, best) / (1.0 - config.gain)
         if self._energy(target, own) < enough:
             return None
@@ -177,12 +181,15 @@ class LimbSearch:
                 placed.append(runner)
         return placed[: heat.places]
 
-    def _best(self, target: FrameTarget, candidates: Sequence[AnchorPoses]) -> AnchorPoses:
-        """Return the candidate of the least energy, the first if no other is clearly better."""
-        first = self._energy(target, candidates[0])
-        best = min(candidates, key=lambda poses: self._energy(target, poses))
-        is_clear = self._energy(target, best) < (1.0 - self._config.swing_gain) * first
-        return best if is_clear else candidates[0]
+    def _better(
+        self, target: FrameTarget, poses: AnchorPoses, others: Sequence[AnchorPoses], gain: float
+    ) -> AnchorPoses:
+        """Return the one of the others with the least energy if it saves that share of it, else the pose itself."""
+        costs = [self._energy(target, other) for other in others]
+        enough = (1.0 - gain) * self._energy(target, poses)
+        if not costs or min(costs) > enough:
+            return poses
+        return others[int(np.argmin(costs))]
 
     def _thin_solver(self) -> ImageSolver:
         """Return a solver of the object with fewer Gaussians, in the colors of the present view."""
