@@ -18,7 +18,7 @@ from animator.match.protocol import Matcher
 from animator.render.protocol import Renderer
 from animator.sequence.camera_pose import CameraTools, refine_camera
 from animator.sequence.claim_stage import ClaimStage, ClaimStageConfig
-from animator.sequence.limb_search import LimbSearch, LimbSearchConfig, is_far
+from animator.sequence.limb_search import LimbSearch, LimbSearchConfig, is_badly_explained, is_far
 from animator.sequence.match_stage import FramePair, MatchStage, MatchStageConfig
 from animator.sequence.rigid_stage import RigidStage, RigidStageConfig
 from animator.sequence.solved_frame import FrameStats, SolvedFrame
@@ -166,9 +166,9 @@ class Driver:
         ):
             return frame
         watch = Stopwatch()
-        usual = self.energy(self.target_of(index - 1, last), last.poses)
+        last_energy = self.energy(self.target_of(index - 1, last), last.poses)
         target = self.target_of(index, frame)
-        if self.energy(target, frame.poses) < config.worse * usual:
+        if not is_badly_explained(self.energy(target, frame.poses), last_energy, config):
             return frame
         poses = self._limb_search.solve(target, frame.poses, last.poses)
         watch.lap("limb search")

@@ -47,6 +47,8 @@ class LimbSearchConfig:
     """Times the largest step before, that a step must be."""
     worse: float = 1.6
     """Times the energy of the frame before, that its energy must be."""
+    usual: float = 0.02
+    """Energy of a well explained frame: where the one before has even less, this counts."""
     nearly: float = 0.25
     """Share by which the solution that was stiff at first may cost more than the frame's own to be gone on from."""
     most_swings: int = 3
@@ -94,6 +96,11 @@ def is_far(
     poses = [*(earlier.poses for earlier in solved), frame.poses]
     *before, last = (_step(one, other) / diagonal for one, other in itertools.pairwise(poses))
     return last > max([config.far, *(config.farther * step for step in before)])
+
+
+def is_badly_explained(energy: float, last_energy: float, config: LimbSearchConfig) -> bool:
+    """Tell whether a frame is explained far worse than the one before it."""
+    return energy > config.worse * max(last_energy, config.usual)
 
 
 class LimbSearch:

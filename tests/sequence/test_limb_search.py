@@ -9,7 +9,12 @@ from animator.deform.anchors import build_anchors
 from animator.deform.image_solver import ImageSolver, ImageSolverConfig
 from animator.deform.pace import PaceConfig
 from animator.render.cpu import CpuRenderer
-from animator.sequence.limb_search import LimbSearch, LimbSearchConfig, is_far
+from animator.sequence.limb_search import (
+    LimbSearch,
+    LimbSearchConfig,
+    is_badly_explained,
+    is_far,
+)
 from animator.sequence.solved_frame import FrameStats, SolvedFrame
 from animator.sequence.target import FrameView, Window
 from animator.sequence.view_colors import ViewColors
@@ -87,6 +92,15 @@ def test_keeps_what_is_right(armed):
     assert lab.error(own) < 0.15
     found = lab.search.solve(lab.target, own, lab.still)
     assert found is None or lab.error(found) < 0.15
+
+
+@pytest.mark.parametrize(
+    ("energy", "last", "bad"),
+    [(0.15, 0.1, False), (0.17, 0.1, True), (0.03, 0.001, False), (0.04, 0.001, True)],
+)
+def test_badly_explained_is_relative_to_the_last_frame_and_not_to_perfection(energy, last, bad):
+    config = LimbSearchConfig(worse=1.6, usual=0.02)
+    assert is_badly_explained(energy, last, config) is bad
 
 
 @pytest.mark.parametrize(
