@@ -16,7 +16,8 @@ from animator.render.registry import load_renderer
 from animator.rig.bake import ClipLabels, Key, bake_clip
 from animator.scene import Scene
 from animator.sequence.cameras import locate_cameras
-from animator.sequence.driver import ClipProblem, Driver, DriverConfig
+from animator.sequence.clip_problem import ClipProblem
+from animator.sequence.driver import Driver, DriverConfig
 from animator.sequence.interpolation import InterpolationConfig, interpolate
 from animator.sequence.second_look import SecondLookConfig, looked_at_again
 from animator.sequence.solved_frame import SolvedFrame

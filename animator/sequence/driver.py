@@ -14,10 +14,9 @@ import torch
 from animator.deform.image_solver import FrameTarget, ImageSolver, ImageSolverConfig
 from animator.deform.rigid_solver import RigidSolverConfig, solve_rigid
 from animator.match.features import FeatureMatcher
-from animator.match.protocol import Matcher
-from animator.render.protocol import Renderer
 from animator.sequence.camera_pose import CameraTools, refine_camera
 from animator.sequence.claim_stage import ClaimStage, ClaimStageConfig
+from animator.sequence.clip_problem import ClipProblem
 from animator.sequence.limb_search import LimbSearch, LimbSearchConfig, is_badly_explained, is_far
 from animator.sequence.match_stage import FramePair, MatchStage, MatchStageConfig
 from animator.sequence.rigid_stage import RigidStage, RigidStageConfig
@@ -35,10 +34,8 @@ from animator.sequence.target import (
 from animator.sequence.view_colors import ViewColors
 from animator.types import (
     AnchorPoses,
-    Anchors,
     AnchorUncertainty,
     Camera,
-    Frames,
     Gaussians,
     RigidGroups,
 )
@@ -62,23 +59,6 @@ class DriverConfig:
     image_solver: ImageSolverConfig = dataclasses.field(default_factory=ImageSolverConfig)
     limb_search: LimbSearchConfig = dataclasses.field(default_factory=LimbSearchConfig)
     rigid_solver: RigidSolverConfig = dataclasses.field(default_factory=RigidSolverConfig)
-
-
-@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class ClipProblem:
-    """Everything the driver works on."""
-
-    gaussians: Gaussians
-    """The rest pose, on the renderer's device."""
-    anchors: Anchors
-    frames: Frames
-    cameras: tuple[Camera, ...]
-    """One camera a frame."""
-    renderer: Renderer
-    matcher: Matcher
-    seed: int
-    follow_camera: bool = False
-    """Re-estimate the camera of every frame from the previous one: it moves, and no file says how."""
 
 
 class Driver:
@@ -141,7 +121,7 @@ class Driver:
             self.problem.frames.names[0],
             overlap,
         )
-        return self.solve(0, rest)
+        return self._moved(0, [rest])
 
     def run(self, solved: list[SolvedFrame]) -> Iterator[SolvedFrame]:
         """Solve the frames after those already solved, one at a time.
@@ -156,28 +136,36 @@ class Driver:
             solved.append(self._held(index, solved) or self._moved(index, solved))
             yield solved[-1]
 
-    def _moved(self, index: int, solved: list[SolvedFrame]) -> SolvedFrame:
-        """Solve a frame from the ones before it, and search for its limbs where they moved far."""
-        frame = self.solve(index, solved[-1], solved[-2] if index > 1 else None)
-        last = solved[-1]
+    def _moved(self, index: int, earlier: list[SolvedFrame]) -> SolvedFrame:
+        """Solve a frame from the ones before it, and search for its limbs where they may be lost."""
+        last = earlier[-1]
+        frame = self.solve(index, last, earlier[-2] if len(earlier) > 1 else None)
+        return self._searched(index, frame, last) if self._is_lost(index, frame, earlier) else frame
+
+    def _is_lost(self, index: int, frame: SolvedFrame, earlier: list[SolvedFrame]) -> bool:
+        """Tell whether limbs may have been lost: after a large step, if the frame is badly explained."""
         config = self._config.limb_search
-        if config.most_swings == 0 or not is_far(
-            solved, frame, self.problem.gaussians.diagonal, config
-        ):
-            return frame
+        if config.most_swings == 0:
+            return False
+        if not is_far(earlier, frame, self.problem.gaussians.diagonal, config):
+            return False
+        last_energy = 0.0
+        if index:
+            last = earlier[-1]
+            last_energy = self.energy(self.target_of(index - 1, last), last.poses)
+        energy = self.energy(self.target_of(index, frame), frame.poses)
+        return is_badly_explained(energy, last_energy, config)
+
+    def _searched(self, index: int, frame: SolvedFrame, last: SolvedFrame) -> SolvedFrame:
+        """Search for the limbs of a frame; what else is known of it stays."""
         watch = Stopwatch()
-        last_energy = self.energy(self.target_of(index - 1, last), last.poses)
         target = self.target_of(index, frame)
-        if not is_badly_explained(self.energy(target, frame.poses), last_energy, config):
-            return frame
         poses = self._limb_search.solve(target, frame.poses, last.poses)
         watch.lap("limb search")
         seconds = {**frame.stats.seconds, **watch.seconds}
-        stats = dataclasses.replace(frame.stats, seconds=seconds)
-        if poses is None:
-            return dataclasses.replace(frame, stats=stats)
-        stats = dataclasses.replace(stats, start="limb search")
-        return dataclasses.replace(frame, poses=poses, stats=stats)
+        start = frame.stats.start if poses is None else "limb search"
+        stats = dataclasses.replace(frame.stats, start=start, seconds=seconds)
+        return dataclasses.replace(frame, poses=poses or frame.poses, stats=stats)
 
     def _held(self, index: int, solved: list[SolvedFrame]) -> SolvedFrame | None:
         """Return the last result again if this frame shows what the frame it comes from showed."""

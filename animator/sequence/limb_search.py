@@ -1,10 +1,10 @@
 """Search for limbs after a large step: where descent from the last pose ends up in the wrong place.
 
 A descent finds what is near. After a large step a limb may be nearer to the place of another, or hidden, or have
-turned too far. So a frame that moved farther than any before it is solved from other starts, too: from the last
-pose with a stiff object first, which keeps limbs in order; and from each solution with one limb after the other swung
-to the sides, all descending side by side on a smaller picture, the worst dropping out. The energy of the image
-stage says which is kept.
+turned too far. So a frame that moved farther than any before it, and is badly explained, is solved from other starts,
+too: from the last pose with a stiff object first, which keeps limbs in order; and from there with one limb after the
+other swung to the sides, all descending side by side on a smaller picture, the worst dropping out. The energy of the
+image stage says which is kept.
 """
 
 import dataclasses
@@ -12,6 +12,7 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
+import torch
 
 from animator.deform.image_solver import Draw, FrameTarget, ImageSolver
 from animator.deform.limb_swings import SwingConfig, swung_poses
@@ -22,7 +23,7 @@ from animator.render.protocol import Renderer
 from animator.sequence.solved_frame import SolvedFrame
 from animator.sequence.target import halved
 from animator.sequence.view_colors import ViewColors
-from animator.types import AnchorPoses, Anchors, Gaussians
+from animator.types import AnchorPoses, Anchors, Camera, Gaussians
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -201,7 +202,7 @@ class LimbSearch:
     def _thin_solver(self) -> ImageSolver:
         """Return a solver of the object with fewer Gaussians, in the colors of the present view."""
 
-        def draw(gaussians: Gaussians, camera):
+        def draw(gaussians: Gaussians, camera: Camera) -> tuple[torch.Tensor, torch.Tensor]:
             rendering = self._renderer.render(gaussians, camera)
             return rendering.rgb, rendering.alpha
 

@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 from animator.deform.anchors import build_anchors
 from animator.match.flow import FlowMatcher
 from animator.render.cpu import CpuRenderer
-from animator.sequence.driver import ClipProblem, Driver, DriverConfig
+from animator.sequence.clip_problem import ClipProblem
+from animator.sequence.driver import Driver, DriverConfig
 from animator.sequence.limb_search import LimbSearchConfig
 from animator.threads import same_bytes_on_any_threads
 from animator.types import AnchorPoses, Camera, Frames, Gaussians
@@ -18,6 +19,7 @@ from tests.helpers.textured import draw, filmed, textured_box
 
 CAMERA = front_camera(3.0, size_px=160)
 RENDERER = CpuRenderer()
+NO_SEARCH = LimbSearchConfig(most_swings=0)
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +51,7 @@ def driver(
             seed=0,
             **problem,
         ),
-        config or DriverConfig(),
+        config or DriverConfig(limb_search=NO_SEARCH),
     )
 
 
@@ -146,7 +148,7 @@ def test_a_turning_box_is_followed_and_the_same_run_gives_the_same_bytes(box):
 def test_motion_is_expected_to_go_on_and_no_more_than_the_frame_shows(box, continues):
     angles = [0.0, 8.0, 16.0, 16.5]
     frames = filmed([draw(RENDERER, turned(box, a), CAMERA) for a in angles])
-    config = DriverConfig(use_matches=False, continue_motion=continues)
+    config = DriverConfig(use_matches=False, continue_motion=continues, limb_search=NO_SEARCH)
     solver = driver(box, frames, (CAMERA,) * 4, config)
     solved = [solver.first()]
     list(solver.run(solved))
