@@ -24,21 +24,9 @@ from animator.sequence.solved_frame import FrameStats, SolvedFrame
 from animator.sequence.start_stage import StartStage
 from animator.sequence.stillness import shows_the_same
 from animator.sequence.stopwatch import Stopwatch
-from animator.sequence.target import (
-    FrameView,
-    Window,
-    crop_window,
-    masked_render,
-    silhouette_iou,
-)
+from animator.sequence.target import FrameView, Window, crop_window, masked_render, silhouette_iou
 from animator.sequence.view_colors import ViewColors
-from animator.types import (
-    AnchorPoses,
-    AnchorUncertainty,
-    Camera,
-    Gaussians,
-    RigidGroups,
-)
+from animator.types import AnchorPoses, AnchorUncertainty, Camera, Gaussians, RigidGroups
 
 logger = logging.getLogger(__name__)
 
