@@ -114,6 +114,8 @@ def discover(frames: str | Path, overrides: SceneOverrides | None = None) -> Sce
 
 def _search_folders(source: Path) -> tuple[Path, ...]:
     if source.is_dir():
+        if not any(source.iterdir()):
+            raise InputError(f"{source}: expected the images of the clip, found an empty folder.")
         return _with_parent(source)
     if source.is_file():
         return (source.parent,)
