@@ -129,7 +129,7 @@ class TestDiscover:
 
     def test_an_empty_folder_is_said_to_be_empty_and_not_to_lack_cameras(self, tmp_path):
         (tmp_path / "frames").mkdir()
-        with pytest.raises(InputError, match="frames: expected the images .* empty folder"):
+        with pytest.raises(InputError, match=r"frames: expected the images .* empty folder"):
             discover(tmp_path / "frames")
 
     def test_no_cameras_at_all(self, scene):
