@@ -14,6 +14,7 @@ import torch
 from animator.deform.image_solver import FrameTarget, ImageSolver, ImageSolverConfig
 from animator.deform.rigid_solver import RigidSolverConfig, solve_rigid
 from animator.match.features import FeatureMatcher
+from animator.sequence.bare_solver import BareSolver
 from animator.sequence.camera_pose import CameraTools, refine_camera
 from animator.sequence.claim_stage import ClaimStage, ClaimStageConfig
 from animator.sequence.clip_problem import ClipProblem
@@ -59,6 +60,7 @@ class Driver:
         self._image_solver = ImageSolver(
             problem.gaussians, problem.anchors, self._draw, config.image_solver
         )
+        self.bare_solver = BareSolver(self._image_solver)
         self._match_stage = MatchStage(
             problem.anchors,
             self._image_solver,
@@ -140,8 +142,8 @@ class Driver:
         last_energy = 0.0
         if index:
             last = earlier[-1]
-            last_energy = self.energy(self.target_of(index - 1, last), last.poses)
-        energy = self.energy(self.target_of(index, frame), frame.poses)
+            last_energy = self.bare_solver.energy(self.target_of(index - 1, last), last.poses)
+        energy = self.bare_solver.energy(self.target_of(index, frame), frame.poses)
         return is_badly_explained(energy, last_energy, config)
 
     def _searched(self, index: int, frame: SolvedFrame, last: SolvedFrame) -> SolvedFrame:
@@ -153,7 +155,9 @@ class Driver:
         seconds = {**frame.stats.seconds, **watch.seconds}
         start = frame.stats.start if poses is None else "limb search"
         stats = dataclasses.replace(frame.stats, start=start, seconds=seconds)
-        return dataclasses.replace(frame, poses=poses or frame.poses, stats=stats)
+        return dataclasses.replace(
+            frame, poses=frame.poses if poses is None else poses, stats=stats
+        )
 
     def _held(self, index: int, solved: list[SolvedFrame]) -> SolvedFrame | None:
         """Return the last result again if this frame shows what the frame it comes from showed."""
@@ -235,14 +239,6 @@ class Driver:
             return float(
                 self._image_solver.image_loss(self._image_solver.pose(frame.poses), target)
             )
-
-    def energy(self, target: FrameTarget, poses: AnchorPoses) -> float:
-        """Evaluate what the image stage minimizes, without matches and groups, for a pose."""
-        return self._image_solver.energy(poses, target, poses)
-
-    def solve_again(self, target: FrameTarget, start: AnchorPoses) -> AnchorPoses:
-        """Run the image stage of a frame from another start, without matches and groups."""
-        return self._image_solver.solve(target, start, start)
 
     def target_of(self, index: int, frame: SolvedFrame) -> FrameTarget:
         """Return what a solved frame shows, cropped to where its pose and the object are."""

@@ -20,6 +20,7 @@ from animator.deform.limbs import Limb, find_limbs
 from animator.deform.losses import SQUARES
 from animator.deform.thinning import thinned
 from animator.render.protocol import Renderer
+from animator.sequence.bare_solver import BareSolver
 from animator.sequence.solved_frame import SolvedFrame
 from animator.sequence.target import halved
 from animator.sequence.view_colors import ViewColors
@@ -78,7 +79,9 @@ class _Runner:
     """One candidate of a race."""
 
     limb: Limb
+    """What was swung."""
     poses: AnchorPoses
+    """Where it is by now."""
     swing: float
     """How far the limb was swung [scene unit]."""
 
@@ -94,9 +97,11 @@ def is_far(
         diagonal: Of the object at rest [scene unit].
         config: What large means.
     """
-    poses = [*(earlier.poses for earlier in solved), frame.poses]
-    *before, last = (_step(one, other) / diagonal for one, other in itertools.pairwise(poses))
-    return last > max([config.far, *(config.farther * step for step in before)])
+    last = _step(solved[-1].poses, frame.poses)
+    if last <= config.far * diagonal:
+        return False
+    before = (_step(one.poses, other.poses) for one, other in itertools.pairwise(solved))
+    return last > config.farther * max(before, default=0.0)
 
 
 def is_badly_explained(energy: float, last_energy: float, config: LimbSearchConfig) -> bool:
@@ -116,13 +121,14 @@ class LimbSearch:
         colors: ViewColors,
         config: LimbSearchConfig,
     ) -> None:
-        self._solver = image_solver
+        self._image_solver = image_solver
+        self._solver = BareSolver(image_solver)
         self._anchors = anchors
         self._renderer = renderer
         self._colors = colors
         self._config = config
         stiff = dataclasses.replace(image_solver.config, arap_norm=SQUARES, turn_norm=SQUARES)
-        self._stiff_solver = ImageSolver(image_solver.gaussians, anchors, draw, stiff)
+        self._stiff_solver = BareSolver(ImageSolver(image_solver.gaussians, anchors, draw, stiff))
         self._limbs = find_limbs(anchors, (config.swings.length,))
 
     def solve(
@@ -138,11 +144,10 @@ class LimbSearch:
         Returns:
             The better one; None if none is clearly better.
         """
-        config = self._config
-        stiff = self._stiff_solver.solve(target, previous, previous)
-        ordered = self._solver.solve(target, stiff, previous)
-        nearly = (1.0 + config.nearly) * self._energy(target, own)
-        start = ordered if self._energy(target, ordered) < nearly else own
+        config, solver = self._config, self._solver
+        ordered = solver.solve(target, self._stiff_solver.solve(target, previous))
+        nearly = (1.0 + config.nearly) * solver.energy(target, own)
+        start = ordered if solver.energy(target, ordered) < nearly else own
         best = self._better(target, own, [ordered], config.gain)
         gain = config.swing_gain
         for _ in range(config.most_swings):
@@ -151,12 +156,7 @@ class LimbSearch:
                 break
             start = best = better
             gain = config.next_gain
-        enough = self._energy(target, best) / (1.0 - config.gain)
-        if self._energy(target, own) < enough:
-            return None
-        # Any pose gets better from being solved for longer: what counts is by how much more.
-        longer = self._solver.solve(target, own, own)
-        return best if self._energy(target, longer) > enough else None
+        return best if solver.is_clearly_better(target, best, own, config.gain) else None
 
     def _swung(self, target: FrameTarget, poses: AnchorPoses) -> list[AnchorPoses]:
         """Swing limbs of a pose, and solve from the swings that promise most."""
@@ -167,17 +167,17 @@ class LimbSearch:
             for swung in swung_poses(self._anchors, poses, target.camera, limb, self._config.swings)
         ]
         for heat in self._config.heats:
-            poses = solver.solve(small, poses, poses, most_steps=heat.steps)
+            poses = solver.solve(small, poses, most_steps=heat.steps)
             runners = [
                 dataclasses.replace(
                     runner,
-                    poses=solver.solve(small, runner.poses, runner.poses, most_steps=heat.steps),
+                    poses=solver.solve(small, runner.poses, most_steps=heat.steps),
                 )
                 for runner in runners
             ]
-            runners.sort(key=lambda runner: solver.energy(runner.poses, small, runner.poses))
+            runners.sort(key=lambda runner: solver.energy(small, runner.poses))
             runners = self._placed(runners, poses, heat)
-        return [self._solver.solve(target, runner.poses, runner.poses) for runner in runners]
+        return [self._solver.solve(target, runner.poses) for runner in runners]
 
     def _placed(self, runners: Sequence[_Runner], poses: AnchorPoses, heat: Heat) -> list[_Runner]:
         """Return those that go on, of candidates in the order of their energies."""
@@ -193,25 +193,22 @@ class LimbSearch:
         self, target: FrameTarget, poses: AnchorPoses, others: Sequence[AnchorPoses], gain: float
     ) -> AnchorPoses:
         """Return the one of the others with the least energy if it saves that share of it, else the pose itself."""
-        costs = [self._energy(target, other) for other in others]
-        enough = (1.0 - gain) * self._energy(target, poses)
+        costs = [self._solver.energy(target, other) for other in others]
+        enough = (1.0 - gain) * self._solver.energy(target, poses)
         if not costs or min(costs) > enough:
             return poses
         return others[int(np.argmin(costs))]
 
-    def _thin_solver(self) -> ImageSolver:
+    def _thin_solver(self) -> BareSolver:
         """Return a solver of the object with fewer Gaussians, in the colors of the present view."""
 
         def draw(gaussians: Gaussians, camera: Camera) -> tuple[torch.Tensor, torch.Tensor]:
             rendering = self._renderer.render(gaussians, camera)
             return rendering.rgb, rendering.alpha
 
-        painted = self._colors.paint(self._solver.gaussians)
+        painted = self._colors.paint(self._image_solver.gaussians)
         gaussians, anchors = thinned(painted, self._anchors, self._config.most_gaussians)
-        return ImageSolver(gaussians, anchors, draw, self._solver.config)
-
-    def _energy(self, target: FrameTarget, poses: AnchorPoses) -> float:
-        return self._solver.energy(poses, target, poses)
+        return BareSolver(ImageSolver(gaussians, anchors, draw, self._image_solver.config))
 
 
 def _distance(limb: Limb, one: AnchorPoses, other: AnchorPoses) -> float:

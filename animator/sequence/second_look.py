@@ -75,6 +75,7 @@ class _SecondLook:
     ) -> None:
         self._solved = list(solved)
         self._driver = driver
+        self._solver = driver.bare_solver
         self._config = config
         self._limbs = find_limbs(driver.problem.anchors, config.flips.lengths)
 
@@ -100,9 +101,9 @@ class _SecondLook:
                 continue
             frame = self._solved[index]
             target = self._driver.target_of(index, frame)
-            poses = self._driver.solve_again(target, poses)
-            enough = (1.0 - self._config.spread_gain) * self._driver.energy(target, frame.poses)
-            if self._driver.energy(target, poses) > enough:
+            poses = self._solver.solve(target, poses)
+            enough = (1.0 - self._config.spread_gain) * self._solver.energy(target, frame.poses)
+            if self._solver.energy(target, poses) > enough:
                 break
             self._keep(index, poses, "neighbor")
             helped += 1
@@ -117,31 +118,27 @@ class _SecondLook:
         return frames
 
     def _flip_one(self, index: int) -> bool:
-        frame, driver = self._solved[index], self._driver
-        target = driver.target_of(index, frame)
+        frame = self._solved[index]
+        target = self._driver.target_of(index, frame)
         start = self._likely_flip(frame, target)
         if start is None:
             return False
-        flipped = driver.solve_again(target, start)
-        enough = driver.energy(target, flipped) / (1.0 - self._config.gain)
-        # Any pose gets better from being solved for longer: what counts is by how much more.
-        if driver.energy(target, frame.poses) < enough:
-            return False
-        if driver.energy(target, driver.solve_again(target, frame.poses)) < enough:
+        flipped = self._solver.solve(target, start)
+        if not self._solver.is_clearly_better(target, flipped, frame.poses, self._config.gain):
             return False
         self._keep(index, flipped, "flipped limb")
         return True
 
     def _likely_flip(self, frame: SolvedFrame, target: FrameTarget) -> AnchorPoses | None:
         """Return the pose with the limb turned over that costs least so; None if all cost far more."""
-        anchors, driver = self._driver.problem.anchors, self._driver
-        nearly = (1.0 + self._config.nearly) * driver.energy(target, frame.poses)
+        anchors = self._driver.problem.anchors
+        nearly = (1.0 + self._config.nearly) * self._solver.energy(target, frame.poses)
         likely = [
             (cost, limb, poses)
             for limb, poses in flipped_poses(
                 anchors, frame.poses, frame.camera, self._limbs, self._config.flips
             )
-            if (cost := driver.energy(target, poses)) < nearly
+            if (cost := self._solver.energy(target, poses)) < nearly
         ]
         if not likely:
             return None

@@ -10,6 +10,7 @@ import torch
 from animator.deform.anchors import build_anchors
 from animator.deform.depth_flips import flipped_poses
 from animator.deform.limbs import find_limbs
+from animator.sequence.bare_solver import BareSolver
 from animator.sequence.second_look import SecondLookConfig, looked_at_again
 from animator.sequence.solved_frame import FrameStats, SolvedFrame
 from animator.types import AnchorPoses, RigidGroups
@@ -21,7 +22,7 @@ STATS = FrameStats(matches=0, reprojection_px=0.0, start="previous", groups=0, s
 
 
 class Judge:
-    """A driver for which a pose costs the more the farther it is from the truth.
+    """A driver, and its image solver, for which a pose costs the more the farther it is from the truth.
 
     Solving goes to the truth from near it, and stays where it is from elsewhere.
     """
@@ -46,14 +47,17 @@ class Judge:
         self.flipped = [poses for limb, poses in flips if limb.tip == end][-1]
         self.truths = [self.flipped if is_flipped else self.rest for is_flipped in shown]
         self.solved_frames: list[int] = []
+        self.bare_solver = BareSolver(self)
 
     def target_of(self, index: int, frame: SolvedFrame) -> int:
         return index
 
-    def energy(self, target: int, poses: AnchorPoses) -> float:
+    def energy(self, poses: AnchorPoses, target: int, previous: AnchorPoses) -> float:
         return 1.0 + self._distance(target, poses)
 
-    def solve_again(self, target: int, start: AnchorPoses) -> AnchorPoses:
+    def solve(
+        self, target: int, start: AnchorPoses, previous: AnchorPoses, *, most_steps: int | None
+    ) -> AnchorPoses:
         self.solved_frames.append(target)
         return self.truths[target] if self._distance(target, start) < 0.02 else start
 
