@@ -19,6 +19,7 @@ from animator.sequence.cameras import locate_cameras
 from animator.sequence.clip_problem import ClipProblem
 from animator.sequence.driver import Driver, DriverConfig
 from animator.sequence.interpolation import InterpolationConfig, interpolate
+from animator.sequence.loosening import LooseningConfig, loosened
 from animator.sequence.second_look import SecondLookConfig, looked_at_again
 from animator.sequence.solved_frame import SolvedFrame
 from animator.sequence.steadying import SteadyingConfig, steadied
@@ -54,6 +55,7 @@ class FitConfig:
     """Seed of every random choice."""
     driver: DriverConfig = dataclasses.field(default_factory=DriverConfig)
     second_look: SecondLookConfig = dataclasses.field(default_factory=SecondLookConfig)
+    loosening: LooseningConfig = dataclasses.field(default_factory=LooseningConfig)
     steadying: SteadyingConfig = dataclasses.field(default_factory=SteadyingConfig)
     interpolation: InterpolationConfig = dataclasses.field(default_factory=InterpolationConfig)
 
@@ -111,6 +113,7 @@ def fit(
     driver = Driver(problem, config.driver)
     solved = _track(driver, resume_from, on_frame)
     solved = looked_at_again(solved, driver, config.second_look)
+    solved = loosened(solved, driver, config.loosening)
     solved = steadied(solved, driver, config.steadying)
     groups = groups_of_anchors(solved[-1].groups, gaussians, anchors)
     keys = _keys(solved, scene, anchors, groups, labels.fps, config)

@@ -119,6 +119,10 @@ class ImageSolver:
             for count in config.coarse.nodes
         ]
 
+    def with_config(self, config: ImageSolverConfig) -> "ImageSolver":
+        """Return a solver of the same clip that solves otherwise."""
+        return ImageSolver(self.gaussians, self._anchors, self._draw, config)
+
     def pose(self, poses: AnchorPoses) -> Gaussians:
         """Skin the Gaussians to a pose (Eq. 2), differentiable in the pose."""
         return self.gaussians.posed(*self._skinner(poses))

@@ -10,6 +10,7 @@ from animator.deform.losses import SQUARES
 from animator.errors import InputError
 from animator.pipeline import FitConfig
 from animator.sequence.limb_search import LimbSearchConfig
+from animator.sequence.loosening import LooseningConfig
 from animator.sequence.rigid_body import RigidBodyConfig
 from animator.sequence.second_look import SecondLookConfig
 from animator.sequence.smoothing import SmoothingConfig
@@ -52,6 +53,7 @@ def _rgb_and_arap(config: FitConfig) -> FitConfig:
             limb_search=LimbSearchConfig(most_swings=0),
         ),
         second_look=SecondLookConfig(every=0),
+        loosening=LooseningConfig(is_on=False),
         steadying=SteadyingConfig(
             smoothing=SmoothingConfig(strength=0.0), rigid_body=RigidBodyConfig(residual=0.0)
         ),

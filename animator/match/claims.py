@@ -8,14 +8,12 @@ place and color; what is already explained takes no part, so that no body is str
 
 import dataclasses
 
-import cv2
 import numpy as np
 from scipy.spatial import KDTree
 
+from animator.match.unexplained import CoveredImage, unexplained_pixels
 from animator.types import SOLID_OPACITY, GaussianMatches
 
-_BLUR_PX = 3
-"""Differences are averaged over so many pixels, so that a thin seam is no unexplained region."""
 _FEWEST = 5
 """Fewer pixels or Gaussians than this are noise."""
 
@@ -36,16 +34,6 @@ class ClaimConfig:
     """Largest difference of color, as a length in RGB, for Gaussians at the pixel itself."""
     max_pixels: int = 600
     """Pixels that claim."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class CoveredImage:
-    """An image on black with its coverage."""
-
-    rgb: np.ndarray
-    """Color times coverage, 0..1, shape (H, W, 3)."""
-    alpha: np.ndarray
-    """Coverage 0..1, shape (H, W)."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -86,11 +74,9 @@ def find_claims(
         Each claimed Gaussian with the mean of the pixels that claim it, trusted by their number; None if the
         frame is explained well enough, or nothing is left to explain it with.
     """
-    difference = np.abs(render.rgb - frame.rgb).mean(axis=-1) + np.abs(render.alpha - frame.alpha)
-    unexplained = cv2.blur(difference, (_BLUR_PX, _BLUR_PX)) > config.error
-    covered = frame.alpha > 0.5
-    wanted = np.argwhere(unexplained & covered)
-    if len(wanted) < max(config.min_area * covered.sum(), _FEWEST):
+    unexplained = unexplained_pixels(render, frame, error=config.error)
+    wanted = np.argwhere(unexplained & frame.is_covered)
+    if len(wanted) < max(config.min_area * frame.is_covered.sum(), _FEWEST):
         return None
     free_ids = np.flatnonzero(_is_free(drawn, unexplained, config))
     if len(free_ids) < _FEWEST:

@@ -3,7 +3,7 @@
 That is what poses from different origins are compared by, and solved again with.
 """
 
-from animator.deform.image_solver import FrameTarget, ImageSolver
+from animator.deform.image_solver import FrameTarget, ImageSolver, ImageSolverConfig
 from animator.types import AnchorPoses
 
 
@@ -12,6 +12,15 @@ class BareSolver:
 
     def __init__(self, image_solver: ImageSolver) -> None:
         self._image_solver = image_solver
+
+    @property
+    def config(self) -> ImageSolverConfig:
+        """How it solves."""
+        return self._image_solver.config
+
+    def with_config(self, config: ImageSolverConfig) -> "BareSolver":
+        """Return a solver of the same clip that solves otherwise."""
+        return BareSolver(self._image_solver.with_config(config))
 
     def energy(self, target: FrameTarget, poses: AnchorPoses) -> float:
         """Evaluate what `solve` minimizes."""

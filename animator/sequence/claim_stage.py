@@ -6,7 +6,8 @@ import numpy as np
 import torch
 
 from animator.deform.image_solver import Draw, FrameTarget, ImageSolver
-from animator.match.claims import ClaimConfig, CoveredImage, DrawnGaussians, find_claims
+from animator.match.claims import ClaimConfig, DrawnGaussians, find_claims
+from animator.match.unexplained import CoveredImage
 from animator.render.protocol import Renderer
 from animator.sequence.match_stage import MatchedPose, MatchStage
 from animator.sequence.view_colors import ViewColors

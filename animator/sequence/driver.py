@@ -18,7 +18,14 @@ from animator.sequence.bare_solver import BareSolver
 from animator.sequence.camera_pose import CameraTools, refine_camera
 from animator.sequence.claim_stage import ClaimStage, ClaimStageConfig
 from animator.sequence.clip_problem import ClipProblem
-from animator.sequence.limb_search import LimbSearch, LimbSearchConfig, is_badly_explained, is_far
+from animator.sequence.limb_search import (
+    SEARCH,
+    LimbSearch,
+    LimbSearchConfig,
+    is_badly_explained,
+    is_far,
+    was_in_vain,
+)
 from animator.sequence.match_stage import FramePair, MatchStage, MatchStageConfig
 from animator.sequence.rigid_stage import RigidStage, RigidStageConfig
 from animator.sequence.solved_frame import FrameStats, SolvedFrame
@@ -128,33 +135,43 @@ class Driver:
 
     def _moved(self, index: int, earlier: list[SolvedFrame]) -> SolvedFrame:
         """Solve a frame from the ones before it, and search for its limbs where they may be lost."""
-        last = earlier[-1]
-        frame = self.solve(index, last, earlier[-2] if len(earlier) > 1 else None)
-        return self._searched(index, frame, last) if self._is_lost(index, frame, earlier) else frame
-
-    def _is_lost(self, index: int, frame: SolvedFrame, earlier: list[SolvedFrame]) -> bool:
-        """Tell whether limbs may have been lost: after a large step, if the frame is badly explained."""
+        frame = self.solve(index, earlier[-1], earlier[-2] if len(earlier) > 1 else None)
         config = self._config.limb_search
         if config.most_swings == 0:
-            return False
+            return frame
+        is_far_off = self._is_far_off(index, frame, earlier)
+        target = self.target_of(index, frame)
+        if is_far_off:
+            return self._searched(target, frame, earlier[-1].poses)
+        if any(map(was_in_vain, earlier[-config.patience :])):
+            return frame
+        if self._limb_search.misses_a_piece(target, frame.poses):
+            return self._searched(target, frame, None)
+        return frame
+
+    def _is_far_off(self, index: int, frame: SolvedFrame, earlier: list[SolvedFrame]) -> bool:
+        """Tell whether limbs may have gone to the wrong place: after a large step, if the frame is badly explained."""
+        config, last = self._config.limb_search, earlier[-1]
         if not is_far(earlier, frame, self.problem.gaussians.diagonal, config):
             return False
         last_energy = 0.0
         if index:
-            last = earlier[-1]
             last_energy = self.bare_solver.energy(self.target_of(index - 1, last), last.poses)
         energy = self.bare_solver.energy(self.target_of(index, frame), frame.poses)
         return is_badly_explained(energy, last_energy, config)
 
-    def _searched(self, index: int, frame: SolvedFrame, last: SolvedFrame) -> SolvedFrame:
+    def _searched(
+        self, target: FrameTarget, frame: SolvedFrame, previous: AnchorPoses | None
+    ) -> SolvedFrame:
         """Search for the limbs of a frame; what else is known of it stays."""
         watch = Stopwatch()
-        target = self.target_of(index, frame)
-        poses = self._limb_search.solve(target, frame.poses, last.poses)
-        watch.lap("limb search")
-        seconds = {**frame.stats.seconds, **watch.seconds}
-        start = frame.stats.start if poses is None else "limb search"
-        stats = dataclasses.replace(frame.stats, start=start, seconds=seconds)
+        poses = self._limb_search.solve(target, frame.poses, previous)
+        watch.lap(SEARCH)
+        stats = dataclasses.replace(
+            frame.stats,
+            start=frame.stats.start if poses is None else SEARCH,
+            seconds={**frame.stats.seconds, **watch.seconds},
+        )
         return dataclasses.replace(
             frame, poses=frame.poses if poses is None else poses, stats=stats
         )

@@ -1,10 +1,11 @@
-"""Search for limbs after a large step: where descent from the last pose ends up in the wrong place.
+"""Search for limbs that descent from the last pose has lost.
 
-A descent finds what is near. After a large step a limb may be nearer to the place of another, or hidden, or have
-turned too far. So a frame that moved farther than any before it, and is badly explained, is solved from other starts,
-too: from the last pose with a stiff object first, which keeps limbs in order; and from there with one limb after the
-other swung to the sides, all descending side by side on a smaller picture, the worst dropping out. The energy of the
-image stage says which is kept.
+A descent finds what is near. After a large step a limb may be nearer to the place of another, or have turned too far;
+what comes out from behind the body is nowhere near. So limbs are searched for in a frame that moved farther than any
+before it and is badly explained, and in one of which a piece is not explained at all: one limb after the other is swung
+to the sides, all descend side by side on a smaller picture, and the worst drop out. After a large step they start
+from the last pose solved with a stiff object first, which keeps limbs in order. The energy of the image stage says
+which is kept.
 """
 
 import dataclasses
@@ -19,12 +20,16 @@ from animator.deform.limb_swings import SwingConfig, swung_poses
 from animator.deform.limbs import Limb, find_limbs
 from animator.deform.losses import SQUARES
 from animator.deform.thinning import thinned
+from animator.match.unexplained import CoveredImage, largest_unexplained_piece
 from animator.render.protocol import Renderer
 from animator.sequence.bare_solver import BareSolver
 from animator.sequence.solved_frame import SolvedFrame
 from animator.sequence.target import halved
 from animator.sequence.view_colors import ViewColors
 from animator.types import AnchorPoses, Anchors, Camera, Gaussians
+
+SEARCH = "limb search"
+"""What a frame's start and seconds call it."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -51,6 +56,14 @@ class LimbSearchConfig:
     """Times the energy of the frame before, that its energy must be."""
     usual: float = 0.02
     """Energy of a well explained frame: where the one before has even less, this counts."""
+    piece: float = 0.01
+    """Largest unexplained piece that is left alone [share of the silhouette]."""
+    thinnest: float = 0.03
+    """Width below which a piece is thin, and does not count [share of the object's size in the image]."""
+    error: float = 0.25
+    """Difference of color plus coverage, 0..2, above which a pixel is unexplained."""
+    patience: int = 3
+    """Frames after a search in vain in which a piece is left alone."""
     nearly: float = 0.25
     """Share by which the solution that was stiff at first may cost more than the frame's own to be gone on from."""
     most_swings: int = 3
@@ -109,6 +122,11 @@ def is_badly_explained(energy: float, last_energy: float, config: LimbSearchConf
     return energy > config.worse * max(last_energy, config.usual)
 
 
+def was_in_vain(frame: SolvedFrame) -> bool:
+    """Tell whether limbs were searched for in a frame, and nothing better was found."""
+    return SEARCH in frame.stats.seconds and frame.stats.start != SEARCH
+
+
 class LimbSearch:
     """Searches in the frames of one clip."""
 
@@ -125,30 +143,45 @@ class LimbSearch:
         self._solver = BareSolver(image_solver)
         self._anchors = anchors
         self._renderer = renderer
+        self._draw = draw
         self._colors = colors
         self._config = config
         stiff = dataclasses.replace(image_solver.config, arap_norm=SQUARES, turn_norm=SQUARES)
-        self._stiff_solver = BareSolver(ImageSolver(image_solver.gaussians, anchors, draw, stiff))
+        self._stiff_solver = self._solver.with_config(stiff)
         self._limbs = find_limbs(anchors, (config.swings.length,))
 
+    def misses_a_piece(self, target: FrameTarget, poses: AnchorPoses) -> bool:
+        """Tell whether a pose leaves a piece of a frame unexplained: a limb is not where it should be."""
+        with torch.no_grad():
+            rgb, alpha = self._draw(self._image_solver.pose(poses), target.camera)
+        piece = largest_unexplained_piece(
+            _covered(rgb, alpha),
+            _covered(target.image.rgb, target.image.alpha),
+            error=self._config.error,
+            thinnest_px=self._config.thinnest * target.object_px,
+        )
+        return piece > self._config.piece
+
     def solve(
-        self, target: FrameTarget, own: AnchorPoses, previous: AnchorPoses
+        self, target: FrameTarget, own: AnchorPoses, previous: AnchorPoses | None
     ) -> AnchorPoses | None:
         """Search for a better solution of a frame.
 
         Args:
             target: The frame, seen in the colors of the present view.
             own: Its solution so far.
-            previous: The pose of the frame before it.
+            previous: The pose of the frame before it, after a large step; without one, the search starts from its own.
 
         Returns:
             The better one; None if none is clearly better.
         """
-        config, solver = self._config, self._solver
-        ordered = solver.solve(target, self._stiff_solver.solve(target, previous))
-        nearly = (1.0 + config.nearly) * solver.energy(target, own)
-        start = ordered if solver.energy(target, ordered) < nearly else own
-        best = self._better(target, own, [ordered], config.gain)
+        config = self._config
+        start = best = own
+        if previous is not None:
+            ordered = self._solver.solve(target, self._stiff_solver.solve(target, previous))
+            nearly = (1.0 + config.nearly) * self._solver.energy(target, own)
+            start = ordered if self._solver.energy(target, ordered) < nearly else own
+            best = self._better(target, own, [ordered], config.gain)
         gain = config.swing_gain
         for _ in range(config.most_swings):
             better = self._better(target, best, self._swung(target, start), gain)
@@ -156,7 +189,7 @@ class LimbSearch:
                 break
             start = best = better
             gain = config.next_gain
-        return best if solver.is_clearly_better(target, best, own, config.gain) else None
+        return best if self._solver.is_clearly_better(target, best, own, config.gain) else None
 
     def _swung(self, target: FrameTarget, poses: AnchorPoses) -> list[AnchorPoses]:
         """Swing limbs of a pose, and solve from the swings that promise most."""
@@ -209,6 +242,10 @@ class LimbSearch:
         painted = self._colors.paint(self._image_solver.gaussians)
         gaussians, anchors = thinned(painted, self._anchors, self._config.most_gaussians)
         return BareSolver(ImageSolver(gaussians, anchors, draw, self._image_solver.config))
+
+
+def _covered(rgb: torch.Tensor, alpha: torch.Tensor) -> CoveredImage:
+    return CoveredImage(rgb=rgb.cpu().numpy(), alpha=alpha.cpu().numpy())
 
 
 def _distance(limb: Limb, one: AnchorPoses, other: AnchorPoses) -> float:

@@ -180,6 +180,34 @@ def test_limbs_are_searched_for_where_the_step_is_large_and_the_frame_is_badly_e
     assert ("limb search" in solved[1].stats.seconds) is searches
 
 
+@pytest.mark.parametrize(
+    ("misses", "searched_before", "starts"),
+    [
+        (True, [], ["limb search", "limb search"]),
+        (False, [], ["previous", "previous"]),
+        (True, ["in vain"], ["previous", "previous"]),
+    ],
+    ids=["a piece is missing", "nothing is missing", "searched in vain just now"],
+)
+def test_limbs_are_searched_for_where_a_piece_is_missing_unless_it_was_in_vain(
+    box, monkeypatch, misses, searched_before, starts
+):
+    frames = filmed([draw(RENDERER, turned(box, a), CAMERA) for a in (0.0, 2.0, 4.0, 6.0)])
+    config = DriverConfig(
+        use_matches=False, continue_motion=False, limb_search=LimbSearchConfig(far=9.0)
+    )
+    solver = driver(box, frames, (CAMERA,) * 4, config)
+    found = AnchorPoses.identity(solver.problem.anchors)
+    monkeypatch.setattr(solver._limb_search, "misses_a_piece", lambda *_: misses)
+    monkeypatch.setattr(solver._limb_search, "solve", lambda *_: found)
+    rest = solver.first()
+    seconds = {"limb search": 1.0} if searched_before else {}
+    stats = dataclasses.replace(rest.stats, start="previous", seconds=seconds)
+    solved = [rest, dataclasses.replace(rest, stats=stats)]
+    list(solver.run(solved))
+    assert [frame.stats.start for frame in solved[2:]] == starts
+
+
 def test_frame_0_is_solved_where_it_does_not_show_the_rest_pose(box, caplog):
     frames = filmed([draw(RENDERER, turned(box, 14.0), CAMERA)])
     solver = driver(box, frames, (CAMERA,))

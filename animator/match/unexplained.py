@@ -1,0 +1,60 @@
+"""Pixels of a frame that the render does not explain: where something is lost, or has come out."""
+
+import dataclasses
+
+import cv2
+import numpy as np
+
+_BLUR_PX = 3
+"""Differences are averaged over so many pixels, so that a thin seam is no unexplained region."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class CoveredImage:
+    """An image on black with its coverage."""
+
+    rgb: np.ndarray
+    """Color times coverage, 0..1, shape (H, W, 3)."""
+    alpha: np.ndarray
+    """Coverage 0..1, shape (H, W)."""
+
+    @property
+    def is_covered(self) -> np.ndarray:
+        """Where the object is, bool, shape (H, W)."""
+        return self.alpha > 0.5
+
+
+def unexplained_pixels(render: CoveredImage, frame: CoveredImage, *, error: float) -> np.ndarray:
+    """Find where a render differs from a frame, bool, shape (H, W).
+
+    Args:
+        render: What was drawn.
+        frame: What it should look like.
+        error: Difference of color plus coverage, 0..2, above which a pixel is unexplained.
+    """
+    difference = np.abs(render.rgb - frame.rgb).mean(axis=-1) + np.abs(render.alpha - frame.alpha)
+    return cv2.blur(difference, (_BLUR_PX, _BLUR_PX)) > error
+
+
+def largest_unexplained_piece(
+    render: CoveredImage, frame: CoveredImage, *, error: float, thinnest_px: float
+) -> float:
+    """Measure the largest connected piece of the object that the render does not explain.
+
+    Edges that are a little off make long, thin pieces; what is thin does not count.
+
+    Args:
+        render: What was drawn.
+        frame: What it should look like.
+        error: Difference above which a pixel is unexplained.
+        thinnest_px: Width below which a piece is thin [px].
+
+    Returns:
+        Its share of the object's silhouette in the frame; 0 if the frame shows nothing.
+    """
+    pieces = unexplained_pixels(render, frame, error=error) & frame.is_covered
+    width = 2 * round(thinnest_px / 2) + 1
+    disk = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (width, width))
+    thick = cv2.morphologyEx(pieces.astype(np.uint8), cv2.MORPH_OPEN, disk)
+    areas = cv2.connectedComponentsWithStats(thick)[2][1:, cv2.CC_STAT_AREA]
+    return float(areas.max(initial=0)) / max(int(frame.is_covered.sum()), 1)
