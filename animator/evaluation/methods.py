@@ -53,7 +53,7 @@ def _rgb_and_arap(config: FitConfig) -> FitConfig:
             limb_search=LimbSearchConfig(most_swings=0),
         ),
         second_look=SecondLookConfig(every=0),
-        loosening=LooseningConfig(is_on=False),
+        loosening=LooseningConfig(every=0),
         steadying=SteadyingConfig(
             smoothing=SmoothingConfig(strength=0.0), rigid_body=RigidBodyConfig(residual=0.0)
         ),

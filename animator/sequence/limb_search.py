@@ -23,6 +23,7 @@ from animator.deform.thinning import thinned
 from animator.match.unexplained import CoveredImage, largest_unexplained_piece
 from animator.render.protocol import Renderer
 from animator.sequence.bare_solver import BareSolver
+from animator.sequence.pose_change import step_length
 from animator.sequence.solved_frame import SolvedFrame
 from animator.sequence.target import halved
 from animator.sequence.view_colors import ViewColors
@@ -110,10 +111,10 @@ def is_far(
         diagonal: Of the object at rest [scene unit].
         config: What large means.
     """
-    last = _step(solved[-1].poses, frame.poses)
+    last = step_length(solved[-1].poses, frame.poses)
     if last <= config.far * diagonal:
         return False
-    before = (_step(one.poses, other.poses) for one, other in itertools.pairwise(solved))
+    before = (step_length(one.poses, other.poses) for one, other in itertools.pairwise(solved))
     return last > config.farther * max(before, default=0.0)
 
 
@@ -252,9 +253,3 @@ def _distance(limb: Limb, one: AnchorPoses, other: AnchorPoses) -> float:
     """Measure how far apart a limb is in two poses [scene unit]."""
     moved = (one.translations - other.translations).norm(dim=1).detach().cpu().numpy()
     return float(np.average(moved, weights=limb.shares))
-
-
-def _step(one: AnchorPoses, other: AnchorPoses) -> float:
-    """Measure how far the fastest twentieth of the anchors moved at least [scene unit]."""
-    moved = (other.translations - one.translations).norm(dim=1)
-    return float(np.percentile(moved.detach().cpu().numpy(), 95))

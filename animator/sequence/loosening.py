@@ -1,29 +1,36 @@
-"""Every frame once more, with looser joints.
+"""The frames once more, with looser joints.
 
 While limbs are being followed a stiff object is the better guide: with loose joints they come apart before they are
 found. Once they are in place, the same stiffness keeps every bend too small, and all that moved too near its rest pose.
-So each frame is solved again from where it is, with an energy that lets go sooner (graduated non-convexity, Blake and
-Zisserman 1987).
+So frames are solved again from where they are, with an energy that lets go sooner (graduated non-convexity, Blake and
+Zisserman 1987). What that changes is alike in neighboring frames: where steps are small, those in between take it
+over from the frames around them.
 """
 
 import dataclasses
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from animator.deform.image_solver import ImageSolverConfig
 from animator.sequence.driver import Driver
+from animator.sequence.interpolation import blend
+from animator.sequence.pose_change import carried, step_length
 from animator.sequence.solved_frame import SolvedFrame
 from animator.sequence.stopwatch import Stopwatch
+from animator.types import AnchorPoses
 
 logger = logging.getLogger(__name__)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LooseningConfig:
-    """How much looser."""
+    """How much looser, and in which frames."""
 
-    is_on: bool = True
-    """Whether frames are solved again."""
+    every: int = 3
+    """Frames from one that is solved again to the next; 0 switches it off."""
+    far: float = 0.05
+    """Step of the fastest twentieth of the anchors, from the frame before, after which a frame is solved again in any
+    case [diagonals]."""
     floor: float = 0.3
     """What is left of the floor of ARAP's norm, which holds together what bends [share]."""
     rest: float = 1 / 3
@@ -38,27 +45,34 @@ def loosened(
     Args:
         solved: The frames, limbs in place.
         driver: What solved them.
-        config: How much looser.
+        config: How much looser, and where.
 
     Returns:
         The frames with other poses; what shows the rest pose keeps it.
     """
-    if not config.is_on:
+    if config.every == 0:
         return list(solved)
     if len(solved) > 1:
-        logger.info("Solving every frame once more, with looser joints.")
+        logger.info("Solving frames once more, with looser joints.")
     solver = driver.bare_solver.with_config(loose(driver.bare_solver.config, config))
+    chosen = _chosen(solved, driver.problem.gaussians.diagonal, config)
+    changed = {0: solved[0]}
+    for index in chosen:
+        watch = Stopwatch()
+        frame = solved[index]
+        poses = solver.solve(driver.target_of(index, frame), frame.poses)
+        watch.lap("loosening")
+        stats = dataclasses.replace(frame.stats, seconds={**frame.stats.seconds, **watch.seconds})
+        changed[index] = dataclasses.replace(frame, poses=poses, stats=stats)
     frames: list[SolvedFrame] = []
     for index, frame in enumerate(solved):
-        poses = frame.poses
-        watch = Stopwatch()
         if frame.stats.start == "held":
-            poses = frames[-1].poses
-        elif frame.stats.start != "rest":
-            poses = solver.solve(driver.target_of(index, frame), poses)
-            watch.lap("loosening")
-        stats = dataclasses.replace(frame.stats, seconds={**frame.stats.seconds, **watch.seconds})
-        frames.append(dataclasses.replace(frame, poses=poses, stats=stats))
+            frames.append(dataclasses.replace(frame, poses=frames[-1].poses))
+        elif index in changed:
+            frames.append(changed[index])
+        else:
+            poses = _carried_between(index, solved, changed)
+            frames.append(dataclasses.replace(frame, poses=poses))
     return frames
 
 
@@ -70,3 +84,32 @@ def loose(solver: ImageSolverConfig, config: LooseningConfig) -> ImageSolverConf
         arap_norm=dataclasses.replace(norm, floor=config.floor * norm.floor),
         weights=dataclasses.replace(weights, rest=config.rest * weights.rest),
     )
+
+
+def _chosen(solved: Sequence[SolvedFrame], diagonal: float, config: LooseningConfig) -> list[int]:
+    """Choose the frames to solve: at least every so many, every far one, and the last."""
+    moving = [
+        index for index, frame in enumerate(solved) if frame.stats.start not in ("rest", "held")
+    ]
+    chosen: list[int] = []
+    last = 0
+    for index in moving:
+        is_far = index and (
+            step_length(solved[index - 1].poses, solved[index].poses) > config.far * diagonal
+        )
+        if is_far or index - last >= config.every or index in (0, moving[-1]):
+            chosen.append(index)
+            last = index
+    return chosen
+
+
+def _carried_between(
+    index: int, solved: Sequence[SolvedFrame], changed: Mapping[int, SolvedFrame]
+) -> AnchorPoses:
+    """Change a frame's pose by what changed in the frames around it, in proportion to their nearness."""
+    before = max(other for other in changed if other < index)
+    after = min(other for other in changed if other > index)
+    one, other = (
+        carried(solved[k].poses, changed[k].poses, solved[index].poses) for k in (before, after)
+    )
+    return blend(one, other, (index - before) / (after - before))

@@ -10,8 +10,8 @@ import numpy as np
 
 from animator.deform.image_solver import FrameTarget, ImageSolver
 from animator.sequence.claim_stage import ClaimStage
-from animator.sequence.extrapolation import extrapolated
 from animator.sequence.match_stage import FramePair, MatchStage
+from animator.sequence.pose_change import extrapolated
 from animator.sequence.stopwatch import Stopwatch
 from animator.types import AnchorPoses, GaussianMatches
 
