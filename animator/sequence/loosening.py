@@ -26,9 +26,9 @@ logger = logging.getLogger(__name__)
 class LooseningConfig:
     """How much looser, and in which frames."""
 
-    every: int = 3
+    every: int = 4
     """Frames from one that is solved again to the next; 0 switches it off."""
-    far: float = 0.05
+    far: float = 0.08
     """Step of the fastest twentieth of the anchors, from the frame before, after which a frame is solved again in any
     case [diagonals]."""
     floor: float = 0.3
