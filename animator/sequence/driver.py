@@ -143,7 +143,8 @@ class Driver:
         target = self.target_of(index, frame)
         if is_far_off:
             return self._searched(target, frame, earlier[-1].poses)
-        if any(map(was_in_vain, earlier[-config.patience :])):
+        lately = earlier[max(len(earlier) - config.patience, 0) :]
+        if any(map(was_in_vain, lately)):
             return frame
         if self._limb_search.misses_a_piece(target, frame.poses):
             return self._searched(target, frame, None)
