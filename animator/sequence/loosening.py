@@ -33,7 +33,7 @@ class LooseningConfig:
     case [diagonals]."""
     floor: float = 0.3
     """What is left of the floor of ARAP's norm, which holds together what bends [share]."""
-    rest: float = 1 / 3
+    rest: float = 2 / 3
     """What is left of the pull to the rest pose [share]."""
 
 
