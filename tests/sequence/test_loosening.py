@@ -22,7 +22,7 @@ from tests.helpers.textured import draw, filmed, textured_box
 
 CAMERA = front_camera(4.5, size_px=96)
 RENDERER = CpuRenderer()
-CONFIG = LooseningConfig(every=3)
+CONFIG = LooseningConfig(every=3, far=0.05, floor=0.3, rest=1 / 3)
 NEARER = torch.tensor([0.0, 0.0, 0.12])
 
 
