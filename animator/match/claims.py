@@ -11,7 +11,7 @@ import dataclasses
 import numpy as np
 from scipy.spatial import KDTree
 
-from animator.match.unexplained import CoveredImage, unexplained_pixels
+from animator.match.unexplained import UNEXPLAINED, CoveredImage, unexplained_pixels
 from animator.types import SOLID_OPACITY, GaussianMatches
 
 _FEWEST = 5
@@ -22,7 +22,7 @@ _FEWEST = 5
 class ClaimConfig:
     """What counts as unexplained, and how far a claim reaches."""
 
-    error: float = 0.25
+    error: float = UNEXPLAINED
     """Difference of color plus coverage, 0..2, above which a pixel is unexplained."""
     min_area: float = 0.01
     """Unexplained share of the silhouette below which nothing is claimed."""

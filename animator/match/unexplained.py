@@ -4,7 +4,10 @@ import dataclasses
 
 import cv2
 import numpy as np
+import torch
 
+UNEXPLAINED = 0.25
+"""Difference of color plus coverage, 0..2, above which a pixel is unexplained."""
 _BLUR_PX = 3
 """Differences are averaged over so many pixels, so that a thin seam is no unexplained region."""
 
@@ -17,6 +20,11 @@ class CoveredImage:
     """Color times coverage, 0..1, shape (H, W, 3)."""
     alpha: np.ndarray
     """Coverage 0..1, shape (H, W)."""
+
+    @classmethod
+    def of(cls, rgb: torch.Tensor, alpha: torch.Tensor) -> "CoveredImage":
+        """Take a render or a frame off its device. Shapes (H, W, 3) and (H, W)."""
+        return cls(rgb=rgb.detach().cpu().numpy(), alpha=alpha.detach().cpu().numpy())
 
     @property
     def is_covered(self) -> np.ndarray:

@@ -88,10 +88,8 @@ class ClaimStage:
             colors=self._colors.base_colors(posed).cpu().numpy(),
         )
         return find_claims(
-            CoveredImage(rgb=rgb.cpu().numpy(), alpha=alpha.cpu().numpy()),
-            CoveredImage(
-                rgb=target.image.rgb.cpu().numpy(), alpha=target.image.alpha.cpu().numpy()
-            ),
+            CoveredImage.of(rgb, alpha),
+            CoveredImage.of(target.image.rgb, target.image.alpha),
             drawn,
             target.object_px,
             self._config.claims,

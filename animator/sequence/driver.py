@@ -139,27 +139,23 @@ class Driver:
         config = self._config.limb_search
         if config.most_swings == 0:
             return frame
-        is_far_off = self._is_far_off(index, frame, earlier)
+        last = earlier[-1]
+        far = is_far(earlier, frame, self.problem.gaussians.diagonal, config)
+        # The last frame first: a target is seen in the colors of the view that was looked at last.
+        last_energy = 0.0
+        if far and index:
+            last_energy = self.bare_solver.energy(self.target_of(index - 1, last), last.poses)
         target = self.target_of(index, frame)
-        if is_far_off:
-            return self._searched(target, frame, earlier[-1].poses)
+        if far and is_badly_explained(
+            self.bare_solver.energy(target, frame.poses), last_energy, config
+        ):
+            return self._searched(target, frame, last.poses)
         lately = earlier[max(len(earlier) - config.patience, 0) :]
         if any(map(was_in_vain, lately)):
             return frame
         if self._limb_search.misses_a_piece(target, frame.poses):
             return self._searched(target, frame, None)
         return frame
-
-    def _is_far_off(self, index: int, frame: SolvedFrame, earlier: list[SolvedFrame]) -> bool:
-        """Tell whether limbs may have gone to the wrong place: after a large step, if the frame is badly explained."""
-        config, last = self._config.limb_search, earlier[-1]
-        if not is_far(earlier, frame, self.problem.gaussians.diagonal, config):
-            return False
-        last_energy = 0.0
-        if index:
-            last_energy = self.bare_solver.energy(self.target_of(index - 1, last), last.poses)
-        energy = self.bare_solver.energy(self.target_of(index, frame), frame.poses)
-        return is_badly_explained(energy, last_energy, config)
 
     def _searched(
         self, target: FrameTarget, frame: SolvedFrame, previous: AnchorPoses | None
@@ -179,7 +175,7 @@ class Driver:
 
     def _held(self, index: int, solved: list[SolvedFrame]) -> SolvedFrame | None:
         """Return the last result again if this frame shows what the frame it comes from showed."""
-        source = max(k for k, frame in enumerate(solved) if frame.stats.start != "held")
+        source = max(k for k, frame in enumerate(solved) if not frame.is_held)
         cameras = self.problem.cameras
         if not np.array_equal(cameras[index].cam_from_world, cameras[source].cam_from_world):
             return None

@@ -20,7 +20,7 @@ from animator.deform.limb_swings import SwingConfig, swung_poses
 from animator.deform.limbs import Limb, find_limbs
 from animator.deform.losses import SQUARES
 from animator.deform.thinning import thinned
-from animator.match.unexplained import CoveredImage, largest_unexplained_piece
+from animator.match.unexplained import UNEXPLAINED, CoveredImage, largest_unexplained_piece
 from animator.render.protocol import Renderer
 from animator.sequence.bare_solver import BareSolver
 from animator.sequence.pose_change import step_length
@@ -61,8 +61,6 @@ class LimbSearchConfig:
     """Largest unexplained piece that is left alone [share of the silhouette]."""
     thinnest: float = 0.03
     """Width below which a piece is thin, and does not count [share of the object's size in the image]."""
-    error: float = 0.25
-    """Difference of color plus coverage, 0..2, above which a pixel is unexplained."""
     patience: int = 3
     """Frames after a search in vain in which a piece is left alone."""
     nearly: float = 0.25
@@ -156,9 +154,9 @@ class LimbSearch:
         with torch.no_grad():
             rgb, alpha = self._draw(self._image_solver.pose(poses), target.camera)
         piece = largest_unexplained_piece(
-            _covered(rgb, alpha),
-            _covered(target.image.rgb, target.image.alpha),
-            error=self._config.error,
+            CoveredImage.of(rgb, alpha),
+            CoveredImage.of(target.image.rgb, target.image.alpha),
+            error=UNEXPLAINED,
             thinnest_px=self._config.thinnest * target.object_px,
         )
         return piece > self._config.piece
@@ -243,10 +241,6 @@ class LimbSearch:
         painted = self._colors.paint(self._image_solver.gaussians)
         gaussians, anchors = thinned(painted, self._anchors, self._config.most_gaussians)
         return BareSolver(ImageSolver(gaussians, anchors, draw, self._image_solver.config))
-
-
-def _covered(rgb: torch.Tensor, alpha: torch.Tensor) -> CoveredImage:
-    return CoveredImage(rgb=rgb.cpu().numpy(), alpha=alpha.cpu().numpy())
 
 
 def _distance(limb: Limb, one: AnchorPoses, other: AnchorPoses) -> float:

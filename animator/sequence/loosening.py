@@ -15,9 +15,8 @@ from animator.deform.image_solver import ImageSolverConfig
 from animator.sequence.driver import Driver
 from animator.sequence.interpolation import blend
 from animator.sequence.pose_change import carried, step_length
-from animator.sequence.solved_frame import SolvedFrame
+from animator.sequence.solved_frame import SolvedFrame, with_held_following
 from animator.sequence.stopwatch import Stopwatch
-from animator.types import AnchorPoses
 
 logger = logging.getLogger(__name__)
 
@@ -64,16 +63,12 @@ def loosened(
         watch.lap("loosening")
         stats = dataclasses.replace(frame.stats, seconds={**frame.stats.seconds, **watch.seconds})
         changed[index] = dataclasses.replace(frame, poses=poses, stats=stats)
-    frames: list[SolvedFrame] = []
-    for index, frame in enumerate(solved):
-        if frame.stats.start == "held":
-            frames.append(dataclasses.replace(frame, poses=frames[-1].poses))
-        elif index in changed:
-            frames.append(changed[index])
-        else:
-            poses = _carried_between(index, solved, changed)
-            frames.append(dataclasses.replace(frame, poses=poses))
-    return frames
+    return with_held_following(
+        [
+            frame if frame.is_held else changed.get(index) or _carried(index, solved, changed)
+            for index, frame in enumerate(solved)
+        ]
+    )
 
 
 def loose(solver: ImageSolverConfig, config: LooseningConfig) -> ImageSolverConfig:
@@ -89,7 +84,9 @@ def loose(solver: ImageSolverConfig, config: LooseningConfig) -> ImageSolverConf
 def _chosen(solved: Sequence[SolvedFrame], diagonal: float, config: LooseningConfig) -> list[int]:
     """Choose the frames to solve: at least every so many, every far one, and the last."""
     moving = [
-        index for index, frame in enumerate(solved) if frame.stats.start not in ("rest", "held")
+        index
+        for index, frame in enumerate(solved)
+        if frame.stats.start != "rest" and not frame.is_held
     ]
     chosen: list[int] = []
     last = 0
@@ -103,13 +100,13 @@ def _chosen(solved: Sequence[SolvedFrame], diagonal: float, config: LooseningCon
     return chosen
 
 
-def _carried_between(
+def _carried(
     index: int, solved: Sequence[SolvedFrame], changed: Mapping[int, SolvedFrame]
-) -> AnchorPoses:
+) -> SolvedFrame:
     """Change a frame's pose by what changed in the frames around it, in proportion to their nearness."""
+    frame = solved[index]
     before = max(other for other in changed if other < index)
     after = min(other for other in changed if other > index)
-    one, other = (
-        carried(solved[k].poses, changed[k].poses, solved[index].poses) for k in (before, after)
-    )
-    return blend(one, other, (index - before) / (after - before))
+    one, other = (carried(solved[k].poses, changed[k].poses, frame.poses) for k in (before, after))
+    share = (index - before) / (after - before)
+    return dataclasses.replace(frame, poses=blend(one, other, share))

@@ -15,7 +15,7 @@ from animator.deform.depth_flips import FlipConfig, flipped_poses
 from animator.deform.image_solver import FrameTarget
 from animator.deform.limbs import find_limbs
 from animator.sequence.driver import Driver
-from animator.sequence.solved_frame import SolvedFrame
+from animator.sequence.solved_frame import SolvedFrame, with_held_following
 from animator.types import AnchorPoses
 
 logger = logging.getLogger(__name__)
@@ -111,11 +111,7 @@ class _SecondLook:
 
     def frames(self) -> list[SolvedFrame]:
         """Return the frames; those that show nothing new have the pose of the one they repeat."""
-        frames: list[SolvedFrame] = []
-        for index, frame in enumerate(self._solved):
-            poses = frames[-1].poses if self._is_held(index) else frame.poses
-            frames.append(dataclasses.replace(frame, poses=poses))
-        return frames
+        return with_held_following(self._solved)
 
     def _flip_one(self, index: int) -> bool:
         frame = self._solved[index]
@@ -152,4 +148,4 @@ class _SecondLook:
         self._solved[index] = dataclasses.replace(frame, poses=poses, stats=stats)
 
     def _is_held(self, index: int) -> bool:
-        return self._solved[index].stats.start == "held"
+        return self._solved[index].is_held

@@ -1,6 +1,7 @@
 """What is known of a frame once it is solved."""
 
 import dataclasses
+from collections.abc import Sequence
 
 from animator.types import AnchorPoses, AnchorUncertainty, Camera, RigidGroups
 
@@ -37,3 +38,17 @@ class SolvedFrame:
     """How it went."""
     uncertainty: AnchorUncertainty | None = None
     """How well the frame shows where the anchors are; None if it was not estimated."""
+
+    @property
+    def is_held(self) -> bool:
+        """Whether it shows nothing new, and so has the pose of the frame before it."""
+        return self.stats.start == "held"
+
+
+def with_held_following(frames: Sequence[SolvedFrame]) -> list[SolvedFrame]:
+    """Return the frames, those that are held with the pose that the one before them has by now."""
+    following: list[SolvedFrame] = []
+    for frame in frames:
+        poses = following[-1].poses if frame.is_held else frame.poses
+        following.append(dataclasses.replace(frame, poses=poses))
+    return following

@@ -50,7 +50,7 @@ def test_the_largest_of_two_pieces_counts():
 
 
 def test_another_color_is_as_unexplained_as_another_coverage():
-    frame, faint = picture(BODY), picture(BODY)
+    frame, same = picture(BODY), picture(BODY)
     gray = CoveredImage(rgb=0.5 * frame.rgb, alpha=frame.alpha)
     assert unexplained_pixels(gray, frame, error=0.25)[50, 40]
-    assert not unexplained_pixels(faint, frame, error=0.25).any()
+    assert not unexplained_pixels(same, frame, error=0.25).any()

@@ -181,27 +181,26 @@ def test_limbs_are_searched_for_where_the_step_is_large_and_the_frame_is_badly_e
 
 
 @pytest.mark.parametrize(
-    ("misses", "searched_before", "starts"),
+    ("misses", "in_vain", "starts"),
     [
-        (True, [], ["limb search", "limb search"]),
-        (False, [], ["previous", "previous"]),
-        (True, ["in vain"], ["previous", "previous"]),
+        (True, False, ["limb search"] * 4),
+        (False, False, ["previous"] * 4),
+        (True, True, ["previous", "previous", "previous", "limb search"]),
     ],
     ids=["a piece is missing", "nothing is missing", "searched in vain just now"],
 )
-def test_limbs_are_searched_for_where_a_piece_is_missing_unless_it_was_in_vain(
-    box, monkeypatch, misses, searched_before, starts
+def test_limbs_are_searched_for_where_a_piece_is_missing_but_not_soon_again_in_vain(
+    box, monkeypatch, misses, in_vain, starts
 ):
-    frames = filmed([draw(RENDERER, turned(box, a), CAMERA) for a in (0.0, 2.0, 4.0, 6.0)])
-    config = DriverConfig(
-        use_matches=False, continue_motion=False, limb_search=LimbSearchConfig(far=9.0)
-    )
-    solver = driver(box, frames, (CAMERA,) * 4, config)
+    frames = filmed([draw(RENDERER, turned(box, 2.0 * k), CAMERA) for k in range(6)])
+    search = LimbSearchConfig(far=9.0, patience=3)
+    config = DriverConfig(use_matches=False, continue_motion=False, limb_search=search)
+    solver = driver(box, frames, (CAMERA,) * 6, config)
     found = AnchorPoses.identity(solver.problem.anchors)
     monkeypatch.setattr(solver._limb_search, "misses_a_piece", lambda *_: misses)
     monkeypatch.setattr(solver._limb_search, "solve", lambda *_: found)
     rest = solver.first()
-    seconds = {"limb search": 1.0} if searched_before else {}
+    seconds = {"limb search": 1.0} if in_vain else {}
     stats = dataclasses.replace(rest.stats, start="previous", seconds=seconds)
     solved = [rest, dataclasses.replace(rest, stats=stats)]
     list(solver.run(solved))
