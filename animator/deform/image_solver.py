@@ -45,7 +45,7 @@ class LossWeights:
     """Color and coverage averaged over cells."""
     temporal: float = 0.0
     """Nearness to the previous frame; off, for the warm start holds what the frame does not move."""
-    rest: float = 30.0
+    rest: float = 60.0
     """What hardly moved stays where it was captured."""
 
 
@@ -67,7 +67,7 @@ class ImageSolverConfig:
     """What the residuals of Eq. 5 cost [diagonals]."""
     turn_norm: RobustNorm = RobustNorm(reach=0.1)
     """What |R_i - R_j| of neighboring anchors costs; 0.1 is 4 degrees."""
-    rest_norm: RobustNorm = RobustNorm(reach=0.03)
+    rest_norm: RobustNorm = RobustNorm(reach=0.01)
     """What motion from rest costs [diagonals]."""
     weights: LossWeights = dataclasses.field(default_factory=LossWeights)
 

@@ -1,10 +1,10 @@
-"""The frames once more, with looser joints.
+"""The frames once more, with free joints between stiff parts.
 
-While limbs are being followed a stiff object is the better guide: with loose joints they come apart before they are
-found. Once they are in place, the same stiffness keeps every bend too small, and all that moved too near its rest pose.
-So frames are solved again from where they are, with an energy that lets go sooner (graduated non-convexity, Blake and
-Zisserman 1987). What that changes is alike in neighboring frames: where steps are small, those in between take it
-over from the frames around them.
+While limbs are being followed, an object that resists every bend is the better guide: with free joints they come apart
+before they are found. Once they are in place, the same resistance keeps every bend too small. So frames are solved
+again from where they are, with an energy that holds parts together tighter and lets go of joints that clearly bend
+(graduated non-convexity, Blake and Zisserman 1987). What that changes is alike in neighboring frames: where steps are
+small, those in between take it over from the frames around them.
 """
 
 import dataclasses
@@ -23,28 +23,28 @@ logger = logging.getLogger(__name__)
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LooseningConfig:
-    """How much looser, and in which frames."""
+    """How the energy changes, and in which frames."""
 
     every: int = 4
     """Frames from one that is solved again to the next; 0 switches it off."""
     far: float = 0.08
     """Step of the fastest twentieth of the anchors, from the frame before, after which a frame is solved again in any
     case [diagonals]."""
-    floor: float = 0.3
-    """What is left of the floor of ARAP's norm, which holds together what bends [share]."""
-    rest: float = 2 / 3
-    """What is left of the pull to the rest pose [share]."""
+    floor: float = 0.03
+    """Times the floor of ARAP's norm, which holds together what bends."""
+    arap: float = 3.0
+    """Times the weight of ARAP: parts are stiffer."""
 
 
 def loosened(
     solved: Sequence[SolvedFrame], driver: Driver, config: LooseningConfig
 ) -> list[SolvedFrame]:
-    """Solve frames again with looser joints.
+    """Solve frames again with free joints.
 
     Args:
         solved: The frames, limbs in place.
         driver: What solved them.
-        config: How much looser, and where.
+        config: How the energy changes, and where.
 
     Returns:
         The frames with other poses; what shows the rest pose keeps it.
@@ -52,7 +52,7 @@ def loosened(
     if config.every == 0:
         return list(solved)
     if len(solved) > 1:
-        logger.info("Solving frames once more, with looser joints.")
+        logger.info("Solving frames once more, with free joints.")
     solver = driver.bare_solver.with_config(loose(driver.bare_solver.config, config))
     chosen = _chosen(solved, driver.problem.gaussians.diagonal, config)
     changed = {0: solved[0]}
@@ -72,12 +72,12 @@ def loosened(
 
 
 def loose(solver: ImageSolverConfig, config: LooseningConfig) -> ImageSolverConfig:
-    """Return the configuration of a solver of looser joints."""
+    """Return the configuration of a solver of free joints."""
     norm, weights = solver.arap_norm, solver.weights
     return dataclasses.replace(
         solver,
         arap_norm=dataclasses.replace(norm, floor=config.floor * norm.floor),
-        weights=dataclasses.replace(weights, rest=config.rest * weights.rest),
+        weights=dataclasses.replace(weights, arap=config.arap * weights.arap),
     )
 
 
