@@ -32,6 +32,16 @@ class CoveredImage:
         return self.alpha > 0.5
 
 
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Piece:
+    """A connected piece of the object in a frame."""
+
+    share: float
+    """Of the object's silhouette, 0..1."""
+    middle_px: np.ndarray
+    """Where it is [px], shape (2,)."""
+
+
 def unexplained_pixels(render: CoveredImage, frame: CoveredImage, *, error: float) -> np.ndarray:
     """Find where a render differs from a frame, bool, shape (H, W).
 
@@ -46,8 +56,8 @@ def unexplained_pixels(render: CoveredImage, frame: CoveredImage, *, error: floa
 
 def largest_unexplained_piece(
     render: CoveredImage, frame: CoveredImage, *, error: float, thinnest_px: float
-) -> float:
-    """Measure the largest connected piece of the object that the render does not explain.
+) -> Piece | None:
+    """Find the largest connected piece of the object that the render does not explain.
 
     Edges that are a little off make long, thin pieces; what is thin does not count.
 
@@ -58,11 +68,17 @@ def largest_unexplained_piece(
         thinnest_px: Width below which a piece is thin [px].
 
     Returns:
-        Its share of the object's silhouette in the frame; 0 if the frame shows nothing.
+        The piece; None if all is explained.
     """
     pieces = unexplained_pixels(render, frame, error=error) & frame.is_covered
     width = 2 * round(thinnest_px / 2) + 1
     disk = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (width, width))
     thick = cv2.morphologyEx(pieces.astype(np.uint8), cv2.MORPH_OPEN, disk)
-    areas = cv2.connectedComponentsWithStats(thick)[2][1:, cv2.CC_STAT_AREA]
-    return float(areas.max(initial=0)) / max(int(frame.is_covered.sum()), 1)
+    _, _, stats, middles = cv2.connectedComponentsWithStats(thick)
+    areas = stats[1:, cv2.CC_STAT_AREA]
+    if len(areas) == 0:
+        return None
+    largest = int(areas.argmax())
+    return Piece(
+        share=float(areas[largest] / frame.is_covered.sum()), middle_px=middles[1 + largest] + 0.5
+    )

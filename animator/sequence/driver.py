@@ -6,7 +6,7 @@ absolute transformations from rest, so nothing drifts by re-anchoring and one sk
 
 import dataclasses
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import torch
@@ -139,7 +139,7 @@ class Driver:
         config = self._config.limb_search
         if config.most_swings == 0:
             return frame
-        last = earlier[-1]
+        last, search = earlier[-1], self._limb_search
         far = is_far(earlier, frame, self.problem.gaussians.diagonal, config)
         # The last frame first: a target is seen in the colors of the view that was looked at last.
         last_energy = 0.0
@@ -149,29 +149,14 @@ class Driver:
         if far and is_badly_explained(
             self.bare_solver.energy(target, frame.poses), last_energy, config
         ):
-            return self._searched(target, frame, last.poses)
+            return _searched(
+                frame, lambda: search.after_large_step(target, frame.poses, last.poses)
+            )
         lately = earlier[max(len(earlier) - config.patience, 0) :]
-        if any(map(was_in_vain, lately)):
+        piece = search.missing_piece(target, frame.poses)
+        if piece is None or any(map(was_in_vain, lately)):
             return frame
-        if self._limb_search.misses_a_piece(target, frame.poses):
-            return self._searched(target, frame, None)
-        return frame
-
-    def _searched(
-        self, target: FrameTarget, frame: SolvedFrame, previous: AnchorPoses | None
-    ) -> SolvedFrame:
-        """Search for the limbs of a frame; what else is known of it stays."""
-        watch = Stopwatch()
-        poses = self._limb_search.solve(target, frame.poses, previous)
-        watch.lap(SEARCH)
-        stats = dataclasses.replace(
-            frame.stats,
-            start=frame.stats.start if poses is None else SEARCH,
-            seconds={**frame.stats.seconds, **watch.seconds},
-        )
-        return dataclasses.replace(
-            frame, poses=frame.poses if poses is None else poses, stats=stats
-        )
+        return _searched(frame, lambda: search.for_piece(target, frame.poses, piece))
 
     def _held(self, index: int, solved: list[SolvedFrame]) -> SolvedFrame | None:
         """Return the last result again if this frame shows what the frame it comes from showed."""
@@ -307,3 +292,16 @@ class Driver:
         """Draw color and alpha on black, in the colors of the current frame's view."""
         rendering = self.problem.renderer.render(self._colors.paint(gaussians), camera)
         return rendering.rgb, rendering.alpha
+
+
+def _searched(frame: SolvedFrame, search: Callable[[], AnchorPoses | None]) -> SolvedFrame:
+    """Search for the limbs of a frame; what else is known of it stays."""
+    watch = Stopwatch()
+    poses = search()
+    watch.lap(SEARCH)
+    stats = dataclasses.replace(
+        frame.stats,
+        start=frame.stats.start if poses is None else SEARCH,
+        seconds={**frame.stats.seconds, **watch.seconds},
+    )
+    return dataclasses.replace(frame, poses=frame.poses if poses is None else poses, stats=stats)

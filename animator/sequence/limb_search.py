@@ -17,10 +17,10 @@ import torch
 
 from animator.deform.image_solver import Draw, FrameTarget, ImageSolver
 from animator.deform.limb_swings import SwingConfig, swung_poses
-from animator.deform.limbs import Limb, find_limbs
+from animator.deform.limbs import Limb, find_limbs, line_of
 from animator.deform.losses import SQUARES
 from animator.deform.thinning import thinned
-from animator.match.unexplained import UNEXPLAINED, CoveredImage, largest_unexplained_piece
+from animator.match.unexplained import UNEXPLAINED, CoveredImage, Piece, largest_unexplained_piece
 from animator.render.protocol import Renderer
 from animator.sequence.bare_solver import BareSolver
 from animator.sequence.pose_change import step_length
@@ -61,6 +61,8 @@ class LimbSearchConfig:
     """Largest unexplained piece that is left alone [share of the silhouette]."""
     thinnest: float = 0.03
     """Width below which a piece is thin, and does not count [share of the object's size in the image]."""
+    within_reach: float = 1.25
+    """How far from the base of a limb a piece may be for the limb to be searched for there [lengths of the limb]."""
     patience: int = 3
     """Frames after a search in vain in which a piece is left alone."""
     nearly: float = 0.25
@@ -149,8 +151,8 @@ class LimbSearch:
         self._stiff_solver = self._solver.with_config(stiff)
         self._limbs = find_limbs(anchors, (config.swings.length,))
 
-    def misses_a_piece(self, target: FrameTarget, poses: AnchorPoses) -> bool:
-        """Tell whether a pose leaves a piece of a frame unexplained: a limb is not where it should be."""
+    def missing_piece(self, target: FrameTarget, poses: AnchorPoses) -> Piece | None:
+        """Return a piece of a frame that a pose leaves unexplained: a limb is not where it should be."""
         with torch.no_grad():
             rgb, alpha = self._draw(self._image_solver.pose(poses), target.camera)
         piece = largest_unexplained_piece(
@@ -159,43 +161,78 @@ class LimbSearch:
             error=UNEXPLAINED,
             thinnest_px=self._config.thinnest * target.object_px,
         )
-        return piece > self._config.piece
+        return piece if piece and piece.share > self._config.piece else None
 
-    def solve(
-        self, target: FrameTarget, own: AnchorPoses, previous: AnchorPoses | None
+    def after_large_step(
+        self, target: FrameTarget, own: AnchorPoses, previous: AnchorPoses
     ) -> AnchorPoses | None:
-        """Search for a better solution of a frame.
+        """Search for a better solution of a frame that moved far: any limb may be lost.
 
         Args:
             target: The frame, seen in the colors of the present view.
             own: Its solution so far.
-            previous: The pose of the frame before it, after a large step; without one, the search starts from its own.
+            previous: The pose of the frame before it.
 
         Returns:
             The better one; None if none is clearly better.
         """
         config = self._config
-        start = best = own
-        if previous is not None:
-            ordered = self._solver.solve(target, self._stiff_solver.solve(target, previous))
-            nearly = (1.0 + config.nearly) * self._solver.energy(target, own)
-            start = ordered if self._solver.energy(target, ordered) < nearly else own
-            best = self._better(target, own, [ordered], config.gain)
+        ordered = self._solver.solve(target, self._stiff_solver.solve(target, previous))
+        nearly = (1.0 + config.nearly) * self._solver.energy(target, own)
+        start = ordered if self._solver.energy(target, ordered) < nearly else own
+        best = self._better(target, own, [ordered], config.gain)
+        return self._with_swings(target, self._limbs, start=start, best=best, own=own)
+
+    def for_piece(self, target: FrameTarget, own: AnchorPoses, piece: Piece) -> AnchorPoses | None:
+        """Search for a better solution of a frame of which a piece is not explained, with what can reach it.
+
+        Args:
+            target: The frame, seen in the colors of the present view.
+            own: Its solution so far.
+            piece: The piece.
+
+        Returns:
+            The better one; None if none is clearly better.
+        """
+        limbs = [limb for limb in self._limbs if self._reaches(limb, own, target.camera, piece)]
+        return self._with_swings(target, limbs, start=own, best=own, own=own)
+
+    def _reaches(self, limb: Limb, poses: AnchorPoses, camera: Camera, piece: Piece) -> bool:
+        """Tell whether a limb can turn about its base so that it covers a piece."""
+        line = line_of(limb, self._anchors, poses, camera)
+        (base_px,), (depth,) = camera.project(line.base[None])
+        tip_px = 2.0 * np.linalg.norm(line.direction) / depth * camera.intrinsics[0, 0]
+        away_px = np.linalg.norm(piece.middle_px - base_px)
+        return bool(away_px < self._config.within_reach * tip_px)
+
+    def _with_swings(
+        self,
+        target: FrameTarget,
+        limbs: Sequence[Limb],
+        *,
+        start: AnchorPoses,
+        best: AnchorPoses,
+        own: AnchorPoses,
+    ) -> AnchorPoses | None:
+        """Swing limbs one after the other, as long as it helps."""
+        config = self._config
         gain = config.swing_gain
         for _ in range(config.most_swings):
-            better = self._better(target, best, self._swung(target, start), gain)
+            better = self._better(target, best, self._swung(target, limbs, start), gain)
             if better is best:
                 break
             start = best = better
             gain = config.next_gain
         return best if self._solver.is_clearly_better(target, best, own, config.gain) else None
 
-    def _swung(self, target: FrameTarget, poses: AnchorPoses) -> list[AnchorPoses]:
+    def _swung(
+        self, target: FrameTarget, limbs: Sequence[Limb], poses: AnchorPoses
+    ) -> list[AnchorPoses]:
         """Swing limbs of a pose, and solve from the swings that promise most."""
         small, solver = halved(target), self._thin_solver()
         runners = [
             _Runner(limb=limb, poses=swung, swing=_distance(limb, swung, poses))
-            for limb in self._limbs
+            for limb in limbs
             for swung in swung_poses(self._anchors, poses, target.camera, limb, self._config.swings)
         ]
         for heat in self._config.heats:

@@ -5,6 +5,7 @@ import pytest
 
 from animator.match.unexplained import (
     CoveredImage,
+    Piece,
     largest_unexplained_piece,
     unexplained_pixels,
 )
@@ -22,7 +23,7 @@ def picture(*patches: tuple[slice, slice]) -> CoveredImage:
     return CoveredImage(rgb=np.repeat(alpha[..., None], 3, axis=-1), alpha=alpha)
 
 
-def piece(render: CoveredImage, frame: CoveredImage) -> float:
+def piece(render: CoveredImage, frame: CoveredImage) -> Piece | None:
     return largest_unexplained_piece(render, frame, error=0.25, thinnest_px=6.0)
 
 
@@ -39,14 +40,24 @@ def piece(render: CoveredImage, frame: CoveredImage) -> float:
 )
 def test_a_piece_is_a_thick_part_of_the_object_that_is_not_drawn(drawn, shown, missing):
     frame = picture(*shown)
-    expected = frame.alpha[missing].sum() / frame.alpha.sum() if missing else 0.0
-    assert piece(picture(*drawn), frame) == pytest.approx(expected, rel=0.15)
+    found = piece(picture(*drawn), frame)
+    if not missing:
+        assert found is None
+        return
+    assert found is not None
+    assert found.share == pytest.approx(frame.alpha[missing].sum() / frame.alpha.sum(), rel=0.15)
+    rows, columns = missing
+    middle_px = [(columns.start + columns.stop) / 2, (rows.start + rows.stop) / 2]
+    np.testing.assert_allclose(found.middle_px, middle_px, atol=1.5)
 
 
 def test_the_largest_of_two_pieces_counts():
     small = (slice(5, 15), slice(5, 15))
     frame = picture(BODY, LEG, small)
-    assert piece(picture(BODY), frame) == piece(picture(BODY, small), frame)
+    found, alone = piece(picture(BODY), frame), piece(picture(BODY, small), frame)
+    assert found is not None
+    assert alone is not None
+    assert found.share == alone.share
 
 
 def test_another_color_is_as_unexplained_as_another_coverage():

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from animator.deform.anchors import build_anchors
 from animator.match.flow import FlowMatcher
+from animator.match.unexplained import Piece
 from animator.render.cpu import CpuRenderer
 from animator.sequence.clip_problem import ClipProblem
 from animator.sequence.driver import Driver, DriverConfig
@@ -172,7 +173,7 @@ def test_limbs_are_searched_for_where_the_step_is_large_and_the_frame_is_badly_e
     config = DriverConfig(use_matches=False, limb_search=search)
     solver = driver(box, frames, (CAMERA,) * 2, config)
     found = AnchorPoses.identity(solver.problem.anchors)
-    monkeypatch.setattr(solver._limb_search, "solve", lambda *_: found)
+    monkeypatch.setattr(solver._limb_search, "after_large_step", lambda *_: found)
     solved = [solver.first()]
     list(solver.run(solved))
     assert (solved[1].poses is found) is searches
@@ -197,8 +198,9 @@ def test_limbs_are_searched_for_where_a_piece_is_missing_but_not_soon_again_in_v
     config = DriverConfig(use_matches=False, continue_motion=False, limb_search=search)
     solver = driver(box, frames, (CAMERA,) * 6, config)
     found = AnchorPoses.identity(solver.problem.anchors)
-    monkeypatch.setattr(solver._limb_search, "misses_a_piece", lambda *_: misses)
-    monkeypatch.setattr(solver._limb_search, "solve", lambda *_: found)
+    missing = Piece(share=0.1, middle_px=np.zeros(2)) if misses else None
+    monkeypatch.setattr(solver._limb_search, "missing_piece", lambda *_: missing)
+    monkeypatch.setattr(solver._limb_search, "for_piece", lambda *_: found)
     rest = solver.first()
     seconds = {"limb search": 1.0} if in_vain else {}
     stats = dataclasses.replace(rest.stats, start="previous", seconds=seconds)
