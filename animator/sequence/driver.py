@@ -28,8 +28,9 @@ from animator.sequence.limb_search import (
 )
 from animator.sequence.match_stage import FramePair, MatchStage, MatchStageConfig
 from animator.sequence.rigid_stage import RigidStage, RigidStageConfig
+from animator.sequence.sketch import Sketcher
 from animator.sequence.solved_frame import FrameStats, SolvedFrame
-from animator.sequence.start_stage import StartStage
+from animator.sequence.start_stage import StartStage, StartStageConfig
 from animator.sequence.stillness import shows_the_same
 from animator.sequence.stopwatch import Stopwatch
 from animator.sequence.target import FrameView, Window, crop_window, masked_render, silhouette_iou
@@ -51,6 +52,7 @@ class DriverConfig:
     """Silhouette IoU of the rest pose with frame 0 below which frame 0 is solved like the others."""
     matching: MatchStageConfig = dataclasses.field(default_factory=MatchStageConfig)
     claims: ClaimStageConfig = dataclasses.field(default_factory=ClaimStageConfig)
+    start: StartStageConfig = dataclasses.field(default_factory=StartStageConfig)
     rigid: RigidStageConfig = dataclasses.field(default_factory=RigidStageConfig)
     image_solver: ImageSolverConfig = dataclasses.field(default_factory=ImageSolverConfig)
     limb_search: LimbSearchConfig = dataclasses.field(default_factory=LimbSearchConfig)
@@ -84,15 +86,13 @@ class Driver:
             self._colors,
             config.claims,
         )
-        self._start_stage = StartStage(self._image_solver, self._match_stage, claim_stage)
+        sketcher = Sketcher(self._image_solver, problem.anchors, problem.renderer, self._colors)
+        self._start_stage = StartStage(
+            self._image_solver, self._match_stage, claim_stage, sketcher, config.start
+        )
         self._rigid_stage = RigidStage(problem.gaussians, config.rigid, problem.seed)
         self._limb_search = LimbSearch(
-            self._image_solver,
-            problem.anchors,
-            problem.renderer,
-            self._draw,
-            self._colors,
-            config.limb_search,
+            self._image_solver, problem.anchors, self._draw, sketcher, config.limb_search
         )
         self._views = [
             FrameView.read(problem.frames, index) for index in range(len(problem.frames))

@@ -10,6 +10,7 @@ which is kept.
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,15 +20,12 @@ from animator.deform.image_solver import Draw, FrameTarget, ImageSolver
 from animator.deform.limb_swings import SwingConfig, swung_poses
 from animator.deform.limbs import Limb, find_limbs, line_of
 from animator.deform.losses import SQUARES
-from animator.deform.thinning import thinned
 from animator.match.unexplained import UNEXPLAINED, CoveredImage, Piece, largest_unexplained_piece
-from animator.render.protocol import Renderer
 from animator.sequence.bare_solver import BareSolver
 from animator.sequence.pose_change import step_length
+from animator.sequence.sketch import Sketcher
 from animator.sequence.solved_frame import SolvedFrame
-from animator.sequence.target import halved
-from animator.sequence.view_colors import ViewColors
-from animator.types import AnchorPoses, Anchors, Camera, Gaussians
+from animator.types import AnchorPoses, Anchors, Camera
 
 SEARCH = "limb search"
 """What a frame's start and seconds call it."""
@@ -69,6 +67,8 @@ class LimbSearchConfig:
     """Share by which the solution that was stiff at first may cost more than the frame's own to be gone on from."""
     most_swings: int = 3
     """Limbs that are swung, one after the other, as long as it helps; 0 switches the search off."""
+    step_per_swing: float = 0.15
+    """Step, as above, for which one limb is swung; for as much again another [diagonals]."""
     heats: tuple[Heat, ...] = (
         Heat(steps=8, places=12, places_per_limb=2),
         Heat(steps=16, places=6, places_per_limb=1),
@@ -83,8 +83,6 @@ class LimbSearchConfig:
     """And that the first swing must save: what saves less is mostly a limb that leans the wrong way in depth."""
     next_gain: float = 0.01
     """And each swing after it."""
-    most_gaussians: int = 5000
-    """Gaussians drawn in a race."""
     swings: SwingConfig = dataclasses.field(default_factory=SwingConfig)
 
 
@@ -135,17 +133,15 @@ class LimbSearch:
         self,
         image_solver: ImageSolver,
         anchors: Anchors,
-        renderer: Renderer,
         draw: Draw,
-        colors: ViewColors,
+        sketcher: Sketcher,
         config: LimbSearchConfig,
     ) -> None:
         self._image_solver = image_solver
         self._solver = BareSolver(image_solver)
         self._anchors = anchors
-        self._renderer = renderer
         self._draw = draw
-        self._colors = colors
+        self._sketcher = sketcher
         self._config = config
         stiff = dataclasses.replace(image_solver.config, arap_norm=SQUARES, turn_norm=SQUARES)
         self._stiff_solver = self._solver.with_config(stiff)
@@ -181,7 +177,9 @@ class LimbSearch:
         nearly = (1.0 + config.nearly) * self._solver.energy(target, own)
         start = ordered if self._solver.energy(target, ordered) < nearly else own
         best = self._better(target, own, [ordered], config.gain)
-        return self._with_swings(target, self._limbs, start=start, best=best, own=own)
+        step = step_length(previous, own) / self._image_solver.gaussians.diagonal
+        swings = min(math.ceil(step / config.step_per_swing), config.most_swings)
+        return self._with_swings(target, self._limbs, swings, start=start, best=best, own=own)
 
     def for_piece(self, target: FrameTarget, own: AnchorPoses, piece: Piece) -> AnchorPoses | None:
         """Search for a better solution of a frame of which a piece is not explained, with what can reach it.
@@ -195,7 +193,7 @@ class LimbSearch:
             The better one; None if none is clearly better.
         """
         limbs = [limb for limb in self._limbs if self._reaches(limb, own, target.camera, piece)]
-        return self._with_swings(target, limbs, start=own, best=own, own=own)
+        return self._with_swings(target, limbs, 1, start=own, best=own, own=own)
 
     def _reaches(self, limb: Limb, poses: AnchorPoses, camera: Camera, piece: Piece) -> bool:
         """Tell whether a limb can turn about its base so that it covers a piece."""
@@ -209,6 +207,7 @@ class LimbSearch:
         self,
         target: FrameTarget,
         limbs: Sequence[Limb],
+        most_swings: int,
         *,
         start: AnchorPoses,
         best: AnchorPoses,
@@ -217,7 +216,7 @@ class LimbSearch:
         """Swing limbs one after the other, as long as it helps."""
         config = self._config
         gain = config.swing_gain
-        for _ in range(config.most_swings):
+        for _ in range(most_swings):
             better = self._better(target, best, self._swung(target, limbs, start), gain)
             if better is best:
                 break
@@ -229,22 +228,19 @@ class LimbSearch:
         self, target: FrameTarget, limbs: Sequence[Limb], poses: AnchorPoses
     ) -> list[AnchorPoses]:
         """Swing limbs of a pose, and solve from the swings that promise most."""
-        small, solver = halved(target), self._thin_solver()
+        sketch = self._sketcher.sketch(target)
         runners = [
             _Runner(limb=limb, poses=swung, swing=_distance(limb, swung, poses))
             for limb in limbs
             for swung in swung_poses(self._anchors, poses, target.camera, limb, self._config.swings)
         ]
         for heat in self._config.heats:
-            poses = solver.solve(small, poses, most_steps=heat.steps)
+            poses = sketch.solve(poses, heat.steps)
             runners = [
-                dataclasses.replace(
-                    runner,
-                    poses=solver.solve(small, runner.poses, most_steps=heat.steps),
-                )
+                dataclasses.replace(runner, poses=sketch.solve(runner.poses, heat.steps))
                 for runner in runners
             ]
-            runners.sort(key=lambda runner: solver.energy(small, runner.poses))
+            runners.sort(key=lambda runner: sketch.energy(runner.poses))
             runners = self._placed(runners, poses, heat)
         return [self._solver.solve(target, runner.poses) for runner in runners]
 
@@ -267,17 +263,6 @@ class LimbSearch:
         if not costs or min(costs) > enough:
             return poses
         return others[int(np.argmin(costs))]
-
-    def _thin_solver(self) -> BareSolver:
-        """Return a solver of the object with fewer Gaussians, in the colors of the present view."""
-
-        def draw(gaussians: Gaussians, camera: Camera) -> tuple[torch.Tensor, torch.Tensor]:
-            rendering = self._renderer.render(gaussians, camera)
-            return rendering.rgb, rendering.alpha
-
-        painted = self._colors.paint(self._image_solver.gaussians)
-        gaussians, anchors = thinned(painted, self._anchors, self._config.most_gaussians)
-        return BareSolver(ImageSolver(gaussians, anchors, draw, self._image_solver.config))
 
 
 def _distance(limb: Limb, one: AnchorPoses, other: AnchorPoses) -> float:

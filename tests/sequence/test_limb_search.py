@@ -16,6 +16,7 @@ from animator.sequence.limb_search import (
     is_badly_explained,
     is_far,
 )
+from animator.sequence.sketch import Sketcher
 from animator.sequence.solved_frame import FrameStats, SolvedFrame
 from animator.sequence.target import FrameView, Window
 from animator.sequence.view_colors import ViewColors
@@ -58,14 +59,14 @@ class Lab:
     def __init__(self, gaussians: Gaussians, degrees: float):
         self.rest = gaussians
         self.anchors = build_anchors(gaussians, target_count=40)
-        colors = ViewColors()
 
         def render(posed, camera):
             rendering = RENDERER.render(posed, camera)
             return rendering.rgb, rendering.alpha
 
         self.solver = ImageSolver(gaussians, self.anchors, render, SOLVER)
-        self.search = LimbSearch(self.solver, self.anchors, RENDERER, render, colors, CONFIG)
+        sketcher = Sketcher(self.solver, self.anchors, RENDERER, ViewColors())
+        self.search = LimbSearch(self.solver, self.anchors, render, sketcher, CONFIG)
         self.true = raised(gaussians, degrees)
         frames = filmed([draw(RENDERER, self.true, CAMERA)])
         window = Window(left=0, top=0, width=CAMERA.width_px, height=CAMERA.height_px)
