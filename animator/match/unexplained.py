@@ -39,7 +39,7 @@ class Piece:
     share: float
     """Of the object's silhouette, 0..1."""
     middle_px: np.ndarray
-    """Where it is [px], shape (2,)."""
+    """Its middle in the frame, x and y, pixel centers at +0.5 [px], float64, shape (2,)."""
 
 
 def unexplained_pixels(render: CoveredImage, frame: CoveredImage, *, error: float) -> np.ndarray:

@@ -6,7 +6,7 @@ absolute transformations from rest, so nothing drifts by re-anchoring and one sk
 
 import dataclasses
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import torch
@@ -19,11 +19,11 @@ from animator.sequence.camera_pose import CameraTools, refine_camera
 from animator.sequence.claim_stage import ClaimStage, ClaimStageConfig
 from animator.sequence.clip_problem import ClipProblem
 from animator.sequence.limb_search import (
-    SEARCH,
     LimbSearch,
     LimbSearchConfig,
     is_badly_explained,
     is_far,
+    searched,
     was_in_vain,
 )
 from animator.sequence.match_stage import FramePair, MatchStage, MatchStageConfig
@@ -149,14 +149,14 @@ class Driver:
         if far and is_badly_explained(
             self.bare_solver.energy(target, frame.poses), last_energy, config
         ):
-            return _searched(
-                frame, lambda: search.after_large_step(target, frame.poses, last.poses)
-            )
+            return searched(frame, lambda: search.after_large_step(target, frame.poses, last.poses))
         lately = earlier[max(len(earlier) - config.patience, 0) :]
-        piece = search.missing_piece(target, frame.poses)
-        if piece is None or any(map(was_in_vain, lately)):
+        if any(map(was_in_vain, lately)):
             return frame
-        return _searched(frame, lambda: search.for_piece(target, frame.poses, piece))
+        piece = search.missing_piece(target, frame.poses)
+        if piece is None:
+            return frame
+        return searched(frame, lambda: search.for_piece(target, frame.poses, piece))
 
     def _held(self, index: int, solved: list[SolvedFrame]) -> SolvedFrame | None:
         """Return the last result again if this frame shows what the frame it comes from showed."""
@@ -292,16 +292,3 @@ class Driver:
         """Draw color and alpha on black, in the colors of the current frame's view."""
         rendering = self.problem.renderer.render(self._colors.paint(gaussians), camera)
         return rendering.rgb, rendering.alpha
-
-
-def _searched(frame: SolvedFrame, search: Callable[[], AnchorPoses | None]) -> SolvedFrame:
-    """Search for the limbs of a frame; what else is known of it stays."""
-    watch = Stopwatch()
-    poses = search()
-    watch.lap(SEARCH)
-    stats = dataclasses.replace(
-        frame.stats,
-        start=frame.stats.start if poses is None else SEARCH,
-        seconds={**frame.stats.seconds, **watch.seconds},
-    )
-    return dataclasses.replace(frame, poses=frame.poses if poses is None else poses, stats=stats)

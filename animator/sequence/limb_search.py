@@ -11,7 +11,7 @@ which is kept.
 import dataclasses
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
@@ -25,6 +25,7 @@ from animator.sequence.bare_solver import BareSolver
 from animator.sequence.pose_change import step_length
 from animator.sequence.sketch import Sketcher
 from animator.sequence.solved_frame import SolvedFrame
+from animator.sequence.stopwatch import Stopwatch
 from animator.types import AnchorPoses, Anchors, Camera
 
 SEARCH = "limb search"
@@ -124,6 +125,23 @@ def is_badly_explained(energy: float, last_energy: float, config: LimbSearchConf
 def was_in_vain(frame: SolvedFrame) -> bool:
     """Tell whether limbs were searched for in a frame, and nothing better was found."""
     return SEARCH in frame.stats.seconds and frame.stats.start != SEARCH
+
+
+def searched(frame: SolvedFrame, search: Callable[[], AnchorPoses | None]) -> SolvedFrame:
+    """Search for the limbs of a frame; where nothing better is found only the time is noted.
+
+    Args:
+        frame: The frame, solved.
+        search: Returns better poses, or None.
+    """
+    watch = Stopwatch()
+    poses = search()
+    watch.lap(SEARCH)
+    seconds = {**frame.stats.seconds, **watch.seconds}
+    if poses is None:
+        return dataclasses.replace(frame, stats=dataclasses.replace(frame.stats, seconds=seconds))
+    stats = dataclasses.replace(frame.stats, start=SEARCH, seconds=seconds)
+    return dataclasses.replace(frame, poses=poses, stats=stats)
 
 
 class LimbSearch:

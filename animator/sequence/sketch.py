@@ -19,7 +19,7 @@ class Sketch:
         self._solver = solver
 
     def solve(self, start: AnchorPoses, steps: int) -> AnchorPoses:
-        """Descend from a start for so many steps."""
+        """Descend from a start for so many steps at most; what comes out is right across the rays, not along them."""
         return self._solver.solve(self._target, start, most_steps=steps)
 
     def energy(self, poses: AnchorPoses) -> float:
@@ -28,7 +28,7 @@ class Sketch:
 
 
 class Sketcher:
-    """Sketches the frames of one clip."""
+    """Sketches the frames of one clip, with `most_gaussians` of its Gaussians at most."""
 
     def __init__(
         self,

@@ -42,7 +42,7 @@ def test_a_sketch_tells_where_the_object_is_and_which_way_to_go(box):
     true = AnchorPoses(quats_wxyz=still.quats_wxyz, translations=still.translations + shift)
     assert sketch.energy(true) < 0.8 * sketch.energy(still)
     found = sketch.solve(still, 40)
-    assert sketch.energy(found) < 0.8 * sketch.energy(still)
-    # Fewer and so larger Gaussians look nearer than they are: depth is not for a sketch to tell.
+    assert sketch.energy(found) < 0.4 * sketch.energy(still)
+    # Depth is not for a sketch to tell: it makes up there for how other it looks with fewer Gaussians.
     across = found.translations.mean(dim=0)[:2] - shift[:2]
-    assert float(across.norm()) < 0.4 * float(shift.norm())
+    assert float(across.norm()) < 0.3 * float(shift.norm())
