@@ -5,10 +5,12 @@ from pathlib import Path
 
 from animator.config import AnimateOptions
 from animator.deform.image_solver import ImageSolverConfig
+from animator.deform.pace import PaceConfig
 from animator.pipeline import FitConfig
 from animator.rig.bake import ClipLabels
 from animator.scene import FrameOptions, Scene, SceneOverrides
 from animator.sequence.driver import DriverConfig
+from animator.sequence.loosening import LooseningConfig
 from animator.sequence.rigid_stage import RigidStageConfig
 
 
@@ -43,6 +45,7 @@ def fit_config(options: AnimateOptions) -> FitConfig:
         device=options.device,
         seed=options.seed,
         driver=_driver_config(options),
+        loosening=LooseningConfig(pace=_paced(LooseningConfig().pace, options)),
     )
 
 
@@ -74,10 +77,8 @@ def _image_solver_config(options: AnimateOptions) -> ImageSolverConfig:
         weights = dataclasses.replace(weights, deform=0.0)
     if not options.group:
         weights = dataclasses.replace(weights, group=0.0)
-    return dataclasses.replace(
-        defaults,
-        weights=weights,
-        pace=dataclasses.replace(
-            defaults.pace, most_steps=options.iterations or defaults.pace.most_steps
-        ),
-    )
+    return dataclasses.replace(defaults, weights=weights, pace=_paced(defaults.pace, options))
+
+
+def _paced(pace: PaceConfig, options: AnimateOptions) -> PaceConfig:
+    return dataclasses.replace(pace, most_steps=options.iterations or pace.most_steps)

@@ -243,6 +243,17 @@ class Driver:
         """Return what a solved frame shows, cropped to where its pose and the object are."""
         return self._sight(index, frame.poses, frame.camera)[1]
 
+    def matched_target_of(self, index: int, frame: SolvedFrame) -> FrameTarget:
+        """Return what a solved frame shows, matched anew from the render of its pose."""
+        window, target = self._sight(index, frame.poses, frame.camera)
+        if not self._config.use_matches:
+            return target
+        rng = np.random.default_rng((self.problem.seed, index))
+        matches = self._match_stage.find_from_render(
+            frame.poses, target.camera, self._views[index].masked(window), rng
+        )
+        return dataclasses.replace(target, matches=matches)
+
     def _rest_uncertainty(self, rest: SolvedFrame) -> AnchorUncertainty:
         """Estimate how well frame 0 shows that it is at rest."""
         window, target = self._sight(0, rest.poses, rest.camera)

@@ -12,6 +12,7 @@ import logging
 from collections.abc import Mapping, Sequence
 
 from animator.deform.image_solver import ImageSolverConfig
+from animator.deform.pace import PaceConfig
 from animator.sequence.driver import Driver
 from animator.sequence.interpolation import blend
 from animator.sequence.pose_change import carried, step_length
@@ -34,6 +35,15 @@ class LooseningConfig:
     """Times the floor of ARAP's norm, which holds together what bends."""
     arap: float = 3.0
     """Times the weight of ARAP: parts are stiffer."""
+    rotation: float = 1.0 / 3.0
+    """Times the weight of rotation differences: what bends smoothly, a tail or a trunk, may bend more."""
+    deform: float = 30.0
+    """Times the weight of matches, which are found anew from where a frame is: by now they are short and right."""
+    smoothing: float = 1.0
+    """Strength of the preconditioner: less than while tracking, for neighbors at a joint do not move alike."""
+    pace: PaceConfig = PaceConfig(most_steps=400, window=20, gain=0.004, settling_steps=50)
+    """How many steps a frame gets: more than while tracking. The last of them find depth, and what a frame is left
+    with here is final."""
 
 
 def loosened(
@@ -59,7 +69,7 @@ def loosened(
     for index in chosen:
         watch = Stopwatch()
         frame = solved[index]
-        poses = solver.solve(driver.target_of(index, frame), frame.poses)
+        poses = solver.solve(driver.matched_target_of(index, frame), frame.poses)
         watch.lap("loosening")
         stats = dataclasses.replace(frame.stats, seconds={**frame.stats.seconds, **watch.seconds})
         changed[index] = dataclasses.replace(frame, poses=poses, stats=stats)
@@ -77,7 +87,14 @@ def loose(solver: ImageSolverConfig, config: LooseningConfig) -> ImageSolverConf
     return dataclasses.replace(
         solver,
         arap_norm=dataclasses.replace(norm, floor=config.floor * norm.floor),
-        weights=dataclasses.replace(weights, arap=config.arap * weights.arap),
+        smoothing=config.smoothing,
+        pace=config.pace,
+        weights=dataclasses.replace(
+            weights,
+            arap=config.arap * weights.arap,
+            rotation=config.rotation * weights.rotation,
+            deform=config.deform * weights.deform,
+        ),
     )
 
 

@@ -98,10 +98,9 @@ class MatchStage:
         watch.lap("match solver")
         latest = first
         for _ in range(config.rounds):
-            render = masked_render(*self._draw(self._image_solver.pose(poses), target.camera))
-            found = self._lift(poses, target.camera, render, pair.frame, rng)
+            found = self.find_from_render(poses, target.camera, pair.frame, rng)
             watch.lap("match")
-            if len(found) < config.min_matches:
+            if found is None:
                 break
             latest = found
             terms = ((latest, 1.0), (first, config.previous_weight))
@@ -119,8 +118,14 @@ class MatchStage:
 
     def find(self, pair: FramePair, rng: np.random.Generator) -> GaussianMatches | None:
         """Match the earlier image; None where too few are found."""
-        found = self._lift(pair.earlier_poses, pair.earlier_camera, pair.earlier, pair.frame, rng)
-        return found if len(found) >= self._config.min_matches else None
+        return self._lift(pair.earlier_poses, pair.earlier_camera, pair.earlier, pair.frame, rng)
+
+    def find_from_render(
+        self, poses: AnchorPoses, camera: Camera, frame: MaskedImage, rng: np.random.Generator
+    ) -> GaussianMatches | None:
+        """Match the render of a pose with the frame; None where too few are found."""
+        render = masked_render(*self._draw(self._image_solver.pose(poses), camera))
+        return self._lift(poses, camera, render, frame, rng)
 
     def uncertainty(
         self, poses: AnchorPoses, matches: GaussianMatches | None, target: FrameTarget
@@ -143,16 +148,17 @@ class MatchStage:
         source: MaskedImage,
         frame: MaskedImage,
         rng: np.random.Generator,
-    ) -> GaussianMatches:
-        """Match an image of the given pose to the frame and carry the matches to the Gaussians."""
+    ) -> GaussianMatches | None:
+        """Match an image of the given pose to the frame and carry the matches to the Gaussians, if there are enough."""
         seen = self._renderer.visibility(self._image_solver.pose(poses), camera)
-        return lift_flow(
+        found = lift_flow(
             self._matcher.flow(source, frame),
             seen.centres_px,
             seen.visible_shares,
             max_count=self._config.max_matches,
             rng=rng,
         )
+        return found if len(found) >= self._config.min_matches else None
 
     def solve_terms(
         self,

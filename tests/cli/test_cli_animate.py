@@ -68,6 +68,7 @@ def test_options_reach_the_fit_and_the_clip(scene, out, stub_fit):
     config = stub_fit.configs[0]
     weights = config.driver.image_solver.weights
     assert (config.seed, config.driver.image_solver.pace.most_steps) == (5, 7)
+    assert config.loosening.pace.most_steps == 7
     assert (config.driver.use_matches, weights.deform, weights.group) == (False, 0, 0)
     assert config.driver.rigid.use_growing
     assert not config.driver.rigid.use_refinement
