@@ -21,6 +21,8 @@ from animator.sequence.stopwatch import Stopwatch
 
 logger = logging.getLogger(__name__)
 
+_PATIENT = PaceConfig(most_steps=400, window=20, gain=0.004, settling_steps=50)
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class LooseningConfig:
@@ -41,7 +43,7 @@ class LooseningConfig:
     """Times the weight of matches, which are found anew from where a frame is: by now they are short and right."""
     smoothing: float = 1.0
     """Strength of the preconditioner: less than while tracking, for neighbors at a joint do not move alike."""
-    pace: PaceConfig = PaceConfig(most_steps=400, window=20, gain=0.004, settling_steps=50)
+    pace: PaceConfig = _PATIENT
     """How many steps a frame gets: more than while tracking. The last of them find depth, and what a frame is left
     with here is final."""
 

@@ -145,6 +145,22 @@ def test_a_turning_box_is_followed_and_the_same_run_gives_the_same_bytes(box):
         np.testing.assert_array_equal(first.groups.labels, second.groups.labels)
 
 
+def test_a_solved_frame_is_matched_anew_from_its_own_render(box):
+    frames = filmed([draw(RENDERER, turned(box, a), CAMERA) for a in (0.0, 8.0)])
+    solver = driver(box, frames, (CAMERA,) * 2)
+    rest = solver.first()
+
+    def off_px(frame) -> float:
+        target = solver.matched_target_of(1, frame)
+        drawn = solver._image_solver.pose(frame.poses).means[target.matches.gaussian_ids]
+        drawn_px, _ = target.camera.project(drawn.numpy())
+        return float(np.median(np.linalg.norm(drawn_px - target.matches.target_px, axis=1)))
+
+    assert off_px(solver.solve(1, rest)) < 1.0 < 4.0 < off_px(rest)
+    unmatched = driver(box, frames, (CAMERA,) * 2, DriverConfig(use_matches=False))
+    assert unmatched.matched_target_of(1, rest).matches is None
+
+
 @pytest.mark.parametrize("continues", [True, False])
 def test_motion_is_expected_to_go_on_and_no_more_than_the_frame_shows(box, continues):
     angles = [0.0, 8.0, 16.0, 16.5]
