@@ -23,8 +23,9 @@ class RigidBodyConfig:
     residual: float = 0.005
     """Largest RMS distance of the anchors from the best rigid fit in any frame [diagonals]; 0 switches
     it off."""
-    single_residual: float = 0.01
-    """Largest distance of any anchor in any frame [diagonals]."""
+    local_residual: float = 0.007
+    """Largest distance of any anchor and its neighbors, on average, in any frame [diagonals]: a part that moves by
+    itself has several anchors, and one that has gone astray by itself is none."""
     motion_share: float = 0.15
     """Largest share that the residuals may be of the motion, both RMS over the clip."""
     explained: float = 1.3
@@ -54,11 +55,13 @@ def as_rigid_body(
     fits = [_best_turn(rest - center, rest + shift) for shift in shifts.astype(np.float64)]
     rigid = np.stack([turn.apply(rest - center) + place - rest for turn, place in fits])
 
-    distances = np.linalg.norm(rigid - shifts, axis=2) / diagonal
+    residuals = (rigid - shifts) / diagonal
+    distances = np.linalg.norm(residuals, axis=2)
+    around = np.linalg.norm(_with_neighbors(anchors) @ residuals, axis=2)
     motion = np.sqrt((shifts**2).sum(axis=2).mean()) / diagonal
     is_rigid = (
         np.sqrt((distances**2).mean(axis=1)).max() < config.residual
-        and distances.max() < config.single_residual
+        and around.max() < config.local_residual
         and np.sqrt((distances**2).mean()) < config.motion_share * motion
     )
     if not is_rigid:
@@ -73,6 +76,14 @@ def as_rigid_body(
         )
         for pose, (turn, _), shift in zip(tracks, fits, rigid, strict=True)
     ]
+
+
+def _with_neighbors(anchors: Anchors) -> np.ndarray:
+    """Return the matrix that averages over each anchor and its neighbors, shape (A, A)."""
+    linked = np.eye(len(anchors))
+    first, second = anchors.edges.cpu().numpy().T
+    linked[first, second] = linked[second, first] = 1.0
+    return linked / linked.sum(axis=1, keepdims=True)
 
 
 def _best_turn(centered: np.ndarray, moved: np.ndarray) -> tuple[Rotation, np.ndarray]:
