@@ -80,6 +80,12 @@ class AnimateOptions:
     masks: Path | None = _option(
         None, value_kind.path("FOLDER"), INPUTS, "masks of the frames, white on the object"
     )
+    depth: Path | None = _option(
+        None,
+        value_kind.path("FOLDER"),
+        INPUTS,
+        "depth maps of the frames, one .npy or gray image each, from a depth camera or network",
+    )
 
     frames: tuple[int, ...] | None = _option(
         None, value_kind.listed(value_kind.whole(0), ","), FRAMES, "only these frame numbers"

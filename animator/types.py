@@ -126,6 +126,9 @@ class Frames:
     """File names (or `video.mp4#12`), for messages, length T."""
     fps: float
     """Frames per second."""
+    depths: np.ndarray | None = None
+    """What a depth camera or network says of each frame, nearer or farther first, on an unknown scale; NaN where it
+    says nothing, float32, shape (T, H, W); None if there is none."""
 
     def __len__(self) -> int:
         return len(self.images)
@@ -137,6 +140,7 @@ class Frames:
             self,
             images=self.images[index],
             alphas=self.alphas[index],
+            depths=None if self.depths is None else self.depths[index],
             numbers=tuple(self.numbers[i] for i in index),
             names=tuple(self.names[i] for i in index),
         )
@@ -170,6 +174,18 @@ class GaussianMatches:
 
     def __len__(self) -> int:
         return len(self.gaussian_ids)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class GaussianDepths:
+    """How far some Gaussians are from the camera of a frame, by the user's depth maps."""
+
+    gaussian_ids: np.ndarray
+    """Indices of the Gaussians, int64, shape (M,)."""
+    depths: np.ndarray
+    """Along the camera's +z [scene unit], shape (M,)."""
+    confidences: np.ndarray
+    """Trust in each depth, 0..1, shape (M,)."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)

@@ -21,6 +21,7 @@ def scene_overrides(options: AnimateOptions) -> SceneOverrides:
         cameras=options.cameras,
         frame_camera=options.frame_camera,
         masks=options.masks,
+        depth=options.depth,
     )
 
 

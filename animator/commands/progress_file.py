@@ -31,7 +31,7 @@ def run_fingerprint(scene: Scene, config: FitConfig) -> str:
         config, inbetween=defaults.inbetween, interpolation=defaults.interpolation
     )
     inputs = (scene.gaussians, scene.capture_cameras, scene.frame_cameras)
-    frames = (scene.frames.images, scene.frames.alphas)
+    frames = (scene.frames.images, scene.frames.alphas, scene.frames.depths)
     return fingerprint_of(program_version(), solving, inputs, frames)
 
 

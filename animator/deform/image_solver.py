@@ -19,7 +19,14 @@ from animator.deform.image_difference import ImageOnBlack, ImageWeights, image_d
 from animator.deform.pace import Pace, PaceConfig, descend
 from animator.deform.robust_norm import RobustNorm
 from animator.deform.skinning import Skinner
-from animator.types import AnchorPoses, Anchors, Camera, GaussianMatches, Gaussians
+from animator.types import (
+    AnchorPoses,
+    Anchors,
+    Camera,
+    GaussianDepths,
+    GaussianMatches,
+    Gaussians,
+)
 
 Draw = Callable[[Gaussians, Camera], tuple[torch.Tensor, torch.Tensor]]
 """Renders color (H, W, 3) and alpha (H, W) over black."""
@@ -31,6 +38,8 @@ class LossWeights:
 
     deform: float = 0.3
     """Matched Gaussians to their pixels (Eq. 3)."""
+    depth: float = 3.0
+    """Visible Gaussians to the depths that the user's maps say, where there are any."""
     group: float = 200.0
     """Rigid groups stay rigid (Eq. 4)."""
     arap: float = 2000.0
@@ -94,6 +103,8 @@ class FrameTarget:
     """Where matched Gaussians were seen, in this camera's pixels."""
     object_px: float
     """Size of the object in the image [px]."""
+    depths: GaussianDepths | None = None
+    """How far visible Gaussians are, if the user gave depth maps."""
 
 
 class ImageSolver:
@@ -242,6 +253,8 @@ class ImageSolver:
             )
         if weights.deform > 0 and target.matches is not None and len(target.matches):
             total = total + weights.deform * self._deformation(target, target.matches, posed)
+        if weights.depth > 0 and target.depths is not None:
+            total = total + weights.depth * self._depth(target.camera, target.depths, posed)
         if weights.group > 0 and pairs is not None:
             total = total + weights.group * self._group(posed, pairs)
         return total
@@ -255,6 +268,16 @@ class ImageSolver:
             torch.as_tensor(matches.target_px, dtype=points.dtype, device=points.device),
             torch.as_tensor(matches.confidences, dtype=points.dtype, device=points.device),
             object_px=target.object_px,
+        )
+
+    def _depth(self, camera: Camera, given: GaussianDepths, posed: Gaussians) -> torch.Tensor:
+        points = posed.means[torch.as_tensor(given.gaussian_ids, device=posed.means.device)]
+        forward = torch.as_tensor(camera.cam_from_world[2]).to(points)
+        return losses.depth_loss(
+            points @ forward[:3] + forward[3],
+            torch.as_tensor(given.depths).to(points),
+            torch.as_tensor(given.confidences).to(points),
+            diagonal=self._diagonal,
         )
 
     def _group(self, posed: Gaussians, pairs: RigidPairs) -> torch.Tensor:

@@ -40,6 +40,30 @@ def deformation_loss(
     return (confidences * norms).sum() / confidences.sum().clamp_min(1e-9)
 
 
+def depth_loss(
+    depths: torch.Tensor,
+    target_depths: torch.Tensor,
+    confidences: torch.Tensor,
+    *,
+    diagonal: float,
+    huber: float = 0.01,
+) -> torch.Tensor:
+    """Pull visible Gaussians to the depths that the user's maps say, with a Huber norm against edges of the maps.
+
+    Args:
+        depths: Along the camera's +z now [scene unit], shape (M,).
+        target_depths: What the map says [scene unit], shape (M,).
+        confidences: Trust in each, shape (M,).
+        diagonal: The object's diagonal [scene unit].
+        huber: Error above which the norm grows linearly [diagonals].
+    """
+    distances = ((depths - target_depths) / diagonal).abs()
+    norms = torch.where(
+        distances < huber, 0.5 * distances.square() / huber, distances - 0.5 * huber
+    )
+    return (confidences * norms).sum() / confidences.sum().clamp_min(1e-9)
+
+
 def group_loss(
     rest_offsets: torch.Tensor,
     rest_rotations_wxyz: torch.Tensor,

@@ -62,7 +62,8 @@ class FitRequest:
         """Digest of the inputs and of every choice."""
         scene = self.assignment.scene
         inputs = (scene.gaussians, scene.capture_cameras, scene.frame_cameras)
-        frames = (scene.frames.images, scene.frames.alphas, list(scene.frames.numbers))
+        shown = (scene.frames.images, scene.frames.alphas, scene.frames.depths)
+        frames = (*shown, list(scene.frames.numbers))
         choices = self.full_config if self.method.kind == "rig" else RgbOnlyConfig()
         return fingerprint_of(self.method.kind, choices, inputs, frames)
 

@@ -30,6 +30,8 @@ class SceneOverrides:
     """`--frame-camera`: the clip's camera, or `auto` to find it."""
     masks: Path | None = None
     """`--masks`: a folder with one mask a frame."""
+    depth: Path | None = None
+    """`--depth`: a folder with one depth map a frame."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -60,6 +62,8 @@ class SceneFiles:
     """The clip's camera; None if it must be found."""
     masks: Found | None
     """The folder of masks."""
+    depth: Found | None
+    """The folder of depth maps, only where the user named it: unlike the others it is never searched for."""
 
     def notes(self) -> tuple[str, ...]:
         """Say what was chosen, and why; one sentence each."""
@@ -69,6 +73,7 @@ class SceneFiles:
             f"Capture cameras: {self.cameras or 'none'}.",
             f"Clip camera: {frame_camera}.",
             f"Mask folder: {self.masks or 'none'}.",
+            *(() if self.depth is None else (f"Depth folder: {self.depth}.",)),
         )
 
 
@@ -76,7 +81,8 @@ def discover(frames: str | Path, overrides: SceneOverrides | None = None) -> Sce
     """Choose the inputs that belong to a source of frames.
 
     Each is taken from its flag, else searched in the frames' folder and then in its parent (for a
-    video or a single image: in the folder it lies in). No file is opened.
+    video or a single image: in the folder it lies in); depth maps come from their flag only. No
+    file is opened.
 
     Args:
         frames: What the user gave: a folder, a glob, a pattern, an image or a video.
@@ -109,6 +115,7 @@ def discover(frames: str | Path, overrides: SceneOverrides | None = None) -> Sce
         cameras=cameras,
         frame_camera=frame_camera,
         masks=_named(overrides.masks, "--masks") or _first(folders, (_MASKS_NAME,), source),
+        depth=_named(overrides.depth, "--depth"),
     )
 
 

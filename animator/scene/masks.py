@@ -7,15 +7,14 @@ from typing import Literal
 
 import numpy as np
 
-from animator.errors import InputError
 from animator.scene.border_background import object_mask
-from animator.scene.image_file import IMAGE_SUFFIXES, Picture, read_image
-from animator.scene.natural_order import describe_ranges, last_number
+from animator.scene.companions import match_files, require_all, require_aspect, warn_about
+from animator.scene.image_file import IMAGE_SUFFIXES, read_image
 from animator.types import Frames
 
 logger = logging.getLogger(__name__)
 
-_ASPECT_TOLERANCE = 0.01
+_NOUN = "mask"
 _OPAQUE = 255
 
 
@@ -45,11 +44,11 @@ def find_masks(
         InputError: If masks are missing for some frames, have another shape, or are unreadable.
     """
     if is_folder_explicit and folder is not None:
-        return _masks_from_files(frames, folder, _match_files(frames, folder))
+        return _masks_from_files(frames, folder, _match(frames, folder))
     if (frames.alphas < _OPAQUE).any():
         return _masks_from_alpha(frames)
     if folder is not None:
-        files = _match_files(frames, folder)
+        files = _match(frames, folder)
         if any(file is not None for file in files):
             return _masks_from_files(frames, folder, files)
         logger.warning(
@@ -63,57 +62,19 @@ def find_masks(
 
 def _masks_from_alpha(frames: Frames) -> Masks:
     coverage = frames.alphas.reshape(len(frames), -1)
-    _warn_about(frames, coverage.min(axis=1) == _OPAQUE, "are opaque all over, unlike the others")
-    _warn_about(frames, coverage.max(axis=1) == 0, "are wholly transparent: nothing to see there")
+    warn_about(frames, coverage.min(axis=1) == _OPAQUE, "are opaque all over, unlike the others")
+    warn_about(frames, coverage.max(axis=1) == 0, "are wholly transparent: nothing to see there")
     return Masks(alphas=frames.alphas, origin="alpha", note="Masks: the images' alpha.")
 
 
-def _warn_about(frames: Frames, is_odd: np.ndarray, what: str) -> None:
-    if is_odd.any():
-        odd_numbers = [(frames.numbers[i], frames.numbers[i]) for i in np.flatnonzero(is_odd)]
-        logger.warning(
-            "%d of %d frames %s (%s).",
-            len(odd_numbers),
-            len(frames),
-            what,
-            describe_ranges(odd_numbers),
-        )
-
-
-def _match_files(frames: Frames, folder: Path) -> list[Path | None]:
-    """Find the mask file of each frame: `0007.png` or `0007.jpg.png` by name, else by number."""
-    if not folder.is_dir():
-        raise InputError(f"{folder}: there is no such folder of masks (--masks).")
-    files = sorted(
-        file
-        for file in folder.iterdir()
-        if file.suffix.lower() in IMAGE_SUFFIXES and not file.name.startswith(".")
-    )
-    by_name = {file.stem: file for file in files}
-    by_number: dict[int | None, Path | None] = {}
-    for file in files:
-        number = last_number(file.name)
-        by_number[number] = None if number in by_number else file  # twice: ambiguous
-    by_number.pop(None, None)
-    return [
-        by_name.get(Path(name).stem) or by_name.get(name) or by_number.get(number)
-        for name, number in zip(frames.names, frames.numbers, strict=True)
-    ]
+def _match(frames: Frames, folder: Path) -> list[Path | None]:
+    return match_files(frames, folder, IMAGE_SUFFIXES, noun=_NOUN, flag="--masks")
 
 
 def _masks_from_files(frames: Frames, folder: Path, files: list[Path | None]) -> Masks:
-    missing = [name for name, file in zip(frames.names, files, strict=True) if file is None]
-    if missing:
-        raise InputError(
-            f"{folder}: expected a mask for each of the {len(frames)} frames, found none for "
-            f"{len(missing)}: {', '.join(missing[:5])}{' ...' if len(missing) > 5 else ''}; masks "
-            "are matched by file name (without its ending) or by their last number."
-        )
     alphas = np.empty_like(frames.alphas)
     largest = 0
-    for index, file in enumerate(files):
-        if file is None:
-            continue
+    for index, file in enumerate(require_all(frames, folder, files, noun=_NOUN)):
         alphas[index] = _read_mask(file, frames, index)
         largest = max(largest, int(alphas[index].max()))
     if largest == 1:
@@ -128,7 +89,7 @@ def _read_mask(file: Path, frames: Frames, index: int) -> np.ndarray:
     picture = read_image(file)
     has_alpha = bool((picture.alpha < _OPAQUE).any())
     coverage = picture.alpha if has_alpha else picture.rgb.max(axis=2)
-    _require_shape(picture, file, frames.names[index], (width_px, height_px))
+    require_aspect(file, picture.size_px, frames, index, noun=_NOUN)
     if picture.size_px == (width_px, height_px):
         return coverage
     import cv2
@@ -136,17 +97,6 @@ def _read_mask(file: Path, frames: Frames, index: int) -> np.ndarray:
     shrinks = picture.size_px[0] > width_px
     filter_kind = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
     return cv2.resize(coverage, (width_px, height_px), interpolation=filter_kind)
-
-
-def _require_shape(
-    picture: Picture, file: Path, frame_name: str, frame_size_px: tuple[int, int]
-) -> None:
-    aspect_ratio = np.divide(*picture.size_px) / np.divide(*frame_size_px)
-    if abs(aspect_ratio - 1) > _ASPECT_TOLERANCE:
-        raise InputError(
-            f"{file}: the mask has {picture.size_px[0]}x{picture.size_px[1]} pixels, its frame "
-            f"{frame_name} has {frame_size_px[0]}x{frame_size_px[1]}, another aspect ratio."
-        )
 
 
 def _automatic_masks(frames: Frames) -> Masks:
@@ -164,7 +114,7 @@ def _automatic_masks(frames: Frames) -> Masks:
             advice,
         )
         return Masks(alphas=alphas, origin="none", note="Masks: none, the whole frame is used.")
-    _warn_about(frames, failed, f"show no plain background and are used whole; {advice}")
+    warn_about(frames, failed, f"show no plain background and are used whole; {advice}")
     found_count = int((~failed).sum())
     return Masks(
         alphas=alphas,

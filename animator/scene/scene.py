@@ -5,6 +5,7 @@ import logging
 
 from animator.scene.cameras import read_cameras
 from animator.scene.clip_cameras import clip_cameras
+from animator.scene.depth_maps import read_depth_maps
 from animator.scene.discovery import SceneFiles
 from animator.scene.frames import ClipReading, FrameOptions, open_frames, read_clip
 from animator.scene.masks import find_masks
@@ -23,7 +24,7 @@ class Scene:
     capture_cameras: tuple[Camera, ...]
     """The cameras the splat was captured with, empty if none were found."""
     frames: Frames
-    """The clip, with masks as alphas."""
+    """The clip, with masks as alphas, and depth maps if the user gave some."""
     frame_cameras: tuple[Camera, ...] | None
     """The clip's camera at the frames' size: one if static, else T; None if it must be found."""
     notes: tuple[str, ...]
@@ -49,6 +50,8 @@ def read_scene(files: SceneFiles, options: FrameOptions | None = None) -> Scene:
     frame_cameras = None
     if given_cameras is not None:
         frame_cameras = clip_cameras(given_cameras, clip, where=str(files.frame_camera))
+    # Before the masks, which can take long to find.
+    depths = None if files.depth is None else read_depth_maps(clip.frames, files.depth.path)
     masks = find_masks(
         clip.frames,
         None if files.masks is None else files.masks.path,
@@ -57,7 +60,7 @@ def read_scene(files: SceneFiles, options: FrameOptions | None = None) -> Scene:
     return Scene(
         gaussians=gaussians,
         capture_cameras=capture_cameras,
-        frames=dataclasses.replace(clip.frames, alphas=masks.alphas),
+        frames=dataclasses.replace(clip.frames, alphas=masks.alphas, depths=depths),
         frame_cameras=frame_cameras,
         notes=(
             _describe_frames(clip, files),
@@ -65,6 +68,7 @@ def read_scene(files: SceneFiles, options: FrameOptions | None = None) -> Scene:
             f"Capture cameras: {len(capture_cameras)} from {files.cameras or 'nowhere'}.",
             _describe_frame_cameras(frame_cameras, files),
             masks.note,
+            *(() if depths is None else (f"Depth: {len(depths)} maps from {files.depth}.",)),
         ),
     )
 

@@ -18,6 +18,7 @@ from animator.sequence.bare_solver import BareSolver
 from animator.sequence.camera_pose import CameraTools, refine_camera
 from animator.sequence.claim_stage import ClaimStage, ClaimStageConfig
 from animator.sequence.clip_problem import ClipProblem
+from animator.sequence.depth_stage import DepthStage, DepthStageConfig
 from animator.sequence.limb_search import (
     LimbSearch,
     LimbSearchConfig,
@@ -53,6 +54,7 @@ class DriverConfig:
     matching: MatchStageConfig = dataclasses.field(default_factory=MatchStageConfig)
     claims: ClaimStageConfig = dataclasses.field(default_factory=ClaimStageConfig)
     start: StartStageConfig = dataclasses.field(default_factory=StartStageConfig)
+    depth: DepthStageConfig = dataclasses.field(default_factory=DepthStageConfig)
     rigid: RigidStageConfig = dataclasses.field(default_factory=RigidStageConfig)
     image_solver: ImageSolverConfig = dataclasses.field(default_factory=ImageSolverConfig)
     limb_search: LimbSearchConfig = dataclasses.field(default_factory=LimbSearchConfig)
@@ -89,6 +91,9 @@ class Driver:
         sketcher = Sketcher(self._image_solver, problem.anchors, problem.renderer, self._colors)
         self._start_stage = StartStage(
             self._image_solver, self._match_stage, claim_stage, sketcher, config.start
+        )
+        self._depth_stage = DepthStage(
+            problem.frames.depths, self._image_solver, problem.renderer, config.depth
         )
         self._rigid_stage = RigidStage(problem.gaussians, config.rigid, problem.seed)
         self._limb_search = LimbSearch(
@@ -129,6 +134,7 @@ class Driver:
         Yields:
             Each newly solved frame.
         """
+        self._depth_stage.calibrate(solved[0].poses, solved[0].camera)
         for index in range(len(solved), len(self._views)):
             solved.append(self._held(index, solved) or self._moved(index, solved))
             yield solved[-1]
@@ -197,8 +203,9 @@ class Driver:
 
         groups = self._rigid_stage.begin(previous.groups, matches, target, rng)
         watch.lap("rigid groups")
+        depths = self._depth_stage.find(index, start.poses, target.camera, window)
         poses = self._image_solver.solve(
-            dataclasses.replace(target, matches=matches),
+            dataclasses.replace(target, matches=matches, depths=depths),
             start.poses,
             start.expected,
             rigid_pairs=groups,
@@ -241,11 +248,11 @@ class Driver:
 
     def target_of(self, index: int, frame: SolvedFrame) -> FrameTarget:
         """Return what a solved frame shows, cropped to where its pose and the object are."""
-        return self._sight(index, frame.poses, frame.camera)[1]
+        return self._solved_sight(index, frame)[1]
 
     def matched_target_of(self, index: int, frame: SolvedFrame) -> FrameTarget:
         """Return what a solved frame shows, matched anew from the render of its pose."""
-        window, target = self._sight(index, frame.poses, frame.camera)
+        window, target = self._solved_sight(index, frame)
         if not self._config.use_matches:
             return target
         rng = np.random.default_rng((self.problem.seed, index))
@@ -269,6 +276,11 @@ class Driver:
         self._colors.look(posed, camera)
         window = crop_window(self._views[index], self._draw(posed, camera)[1], camera)
         return window, self._views[index].target(window, camera, self.problem.renderer.device)
+
+    def _solved_sight(self, index: int, frame: SolvedFrame) -> tuple[Window, FrameTarget]:
+        window, target = self._sight(index, frame.poses, frame.camera)
+        depths = self._depth_stage.find(index, frame.poses, target.camera, window)
+        return window, dataclasses.replace(target, depths=depths)
 
     def _pair(self, index: int, previous: SolvedFrame, window: Window) -> FramePair:
         """Pair the frame with the one before it, frame 0 with the render of the rest pose."""

@@ -25,6 +25,15 @@ class Window:
     width: int
     height: int
 
+    @classmethod
+    def of_all(cls, camera: Camera) -> "Window":
+        """Return the window that is the whole image."""
+        return cls(left=0, top=0, width=camera.width_px, height=camera.height_px)
+
+    def cut(self, image: np.ndarray) -> np.ndarray:
+        """Return the window's part of an image, shape (H, W) or (H, W, C)."""
+        return image[self.top : self.top + self.height, self.left : self.left + self.width]
+
     def of(self, camera: Camera) -> Camera:
         """Return the camera that sees only this window."""
         return camera.cropped(self.left, self.top, self.width, self.height)
@@ -62,9 +71,7 @@ class FrameView:
         return MaskedImage(rgb=np.ascontiguousarray(rgb), mask=alpha > 127)
 
     def _cut(self, window: Window) -> tuple[np.ndarray, np.ndarray]:
-        rows = slice(window.top, window.top + window.height)
-        columns = slice(window.left, window.left + window.width)
-        return self.rgb[rows, columns], self.alpha[rows, columns]
+        return window.cut(self.rgb), window.cut(self.alpha)
 
 
 def halved(target: FrameTarget) -> FrameTarget:
@@ -98,7 +105,7 @@ def crop_window(view: FrameView, render_alpha: torch.Tensor, camera: Camera) -> 
     mask = (view.alpha > 127) | (render_alpha.detach().cpu().numpy() > 0.05)
     rows, columns = np.nonzero(mask)
     if len(rows) == 0:
-        return Window(left=0, top=0, width=camera.width_px, height=camera.height_px)
+        return Window.of_all(camera)
     margin = int(np.ceil(_MARGIN * object_size_px(mask))) + 4
     left, width = _snap(int(columns.min()), int(columns.max()), margin, camera.width_px)
     top, height = _snap(int(rows.min()), int(rows.max()), margin, camera.height_px)

@@ -48,6 +48,7 @@ def test_every_option_can_be_set_in_a_file(tmp_path):
     frame-camera = "auto"
     moving_camera = true
     masks = "m"
+    depth = "d"
     frames = [0, 6]
     every = 2
     inbetween = 3

@@ -99,6 +99,15 @@ def test_group_loss_vanishes_for_rigid_groups_with_turned_gaussians(axis, angle_
         assert float(value) > 1e-4
 
 
+def test_depth_loss_is_huber_and_weighted():
+    depths = torch.tensor([2.0, 2.0, 2.0])
+    target = torch.tensor([2.001, 1.5, 9.0])
+    confidences = torch.tensor([1.0, 3.0, 0.0])
+    value = losses.depth_loss(depths, target, confidences, diagonal=0.5)
+    expected = (0.5 * 0.002**2 / 0.01 + 3.0 * (1.0 - 0.005)) / 4.0
+    assert float(value) == pytest.approx(expected, rel=1e-3)
+
+
 def test_deformation_loss_is_huber_and_weighted():
     projected = torch.tensor([[0.0, 0.0], [30.0, 40.0]])
     target = torch.tensor([[0.0, 0.5], [0.0, 0.0]])

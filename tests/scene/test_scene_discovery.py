@@ -45,6 +45,8 @@ class TestDiscover:
         assert files.cameras.path.name == "transforms_train.json"
         assert files.frame_camera.path.name == "transforms_frames.json"
         assert files.masks is None
+        assert files.depth is None
+        assert not any("Depth" in note for note in files.notes())
         assert any("transforms_train.json (found beside" in note for note in files.notes())
 
     @pytest.mark.parametrize("source", ["frames/f_*.png", "frames/f_%d.png", "frames/f_#.png"])
@@ -74,17 +76,24 @@ class TestDiscover:
             cameras=scene.text("a/c.json"),
             frame_camera=scene.text("a/d.json"),
             masks=scene.text("a/m/0.png").parent,
+            depth=scene.text("a/z/0.npy").parent,
         )
         files = discover(scene.root / "frames", overrides)
-        found = (files.gaussians, files.cameras, files.frame_camera, files.masks)
-        assert [item.path.name for item in found] == ["b.ply", "c.json", "d.json", "m"]
+        found = (files.gaussians, files.cameras, files.frame_camera, files.masks, files.depth)
+        assert [item.path.name for item in found] == ["b.ply", "c.json", "d.json", "m", "z"]
         assert [item.reason for item in found] == [
             "--gaussians",
             "--cameras",
             "--frame-camera",
             "--masks",
+            "--depth",
         ]
         assert all(item.is_explicit for item in found)
+        assert files.notes()[-1] == f"Depth folder: {scene.root / 'a' / 'z'} (--depth)."
+
+    def test_depth_is_never_searched_for(self, scene):
+        scene.text("depth/f_1.npy")
+        assert discover(scene.root / "frames").depth is None
 
     def test_auto_asks_to_find_the_clip_camera(self, scene):
         overrides = SceneOverrides(frame_camera="auto")
@@ -147,7 +156,7 @@ class TestDiscover:
             "(--frame-camera)."
         )
 
-    @pytest.mark.parametrize("name", ["gaussians", "cameras", "frame_camera", "masks"])
+    @pytest.mark.parametrize("name", ["gaussians", "cameras", "frame_camera", "masks", "depth"])
     def test_named_files_must_exist(self, scene, name):
         overrides = SceneOverrides(**{name: scene.root / "none"})
         flag = "--" + name.replace("_", "-")
@@ -172,6 +181,16 @@ class TestReadScene:
         assert "24 frames per second (the default)" in notes
         assert "static" in notes
         assert "the images' alpha" in notes
+
+    def test_depth_maps_of_the_frames_that_are_read(self, scene):
+        assert read_scene(discover(scene.root / "frames")).frames.depths is None
+        for number in (1, 2, 3):
+            scene.image(f"z/{number}.png", np.full((8, 12), 1000 * number, np.uint16))
+        files = discover(scene.root / "frames", SceneOverrides(depth=scene.root / "z"))
+        found = read_scene(files, FrameOptions(every=2, max_size_px=6))
+        assert found.frames.depths.shape == (2, 4, 6)
+        assert found.frames.depths[:, 0, 0].tolist() == [1000, 3000]
+        assert found.notes[-1] == f"Depth: 2 maps from {scene.root / 'z'} (--depth)."
 
     def test_without_frame_camera(self, scene):
         (scene.root / "transforms_frames.json").unlink()
