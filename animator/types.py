@@ -127,7 +127,7 @@ class Frames:
     fps: float
     """Frames per second."""
     depths: np.ndarray | None = None
-    """What a depth camera or network says of each frame, nearer or farther first, on an unknown scale; NaN where it
+    """What a depth camera or network says of each frame, near small or near large, on one unknown scale; NaN where it
     says nothing, float32, shape (T, H, W); None if there is none."""
 
     def __len__(self) -> int:

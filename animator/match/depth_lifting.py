@@ -1,7 +1,7 @@
 """From a depth map to depths of Gaussians, on the scene's own scale.
 
-A network says depth, or its inverse, up to a scale and an offset. So a map is laid on the depths that the Gaussians
-have in a pose, robustly: what most of them agree on is scale and offset, what is left is news.
+A network says depth, or its inverse, up to a scale and an offset. So the map of a frame whose pose is known is laid on
+the depths that the Gaussians have there, robustly.
 """
 
 import dataclasses
