@@ -59,22 +59,3 @@ def lay_on(values: np.ndarray, depths: np.ndarray, *, is_inverse: bool) -> Depth
     if is_flat or (slope * values + offset <= 0.0).any():
         return None
     return DepthScale(slope=float(slope), offset=float(offset), is_inverse=is_inverse)
-
-
-def values_at(depth_map: np.ndarray, places_px: np.ndarray) -> np.ndarray:
-    """Read a map where Gaussians are drawn.
-
-    Args:
-        depth_map: Any scale, NaN where nothing is known, shape (H, W).
-        places_px: Positions, pixel centers at +0.5, shape (M, 2).
-
-    Returns:
-        The values of the pixels there, NaN outside the map, shape (M,).
-    """
-    height, width = depth_map.shape
-    # Comparisons with NaN are false, so places that are not finite are outside.
-    inside = ((places_px >= 0) & (places_px < (width, height))).all(axis=1)
-    values = np.full(len(places_px), np.nan)
-    columns, rows = places_px[inside].astype(np.int64).T
-    values[inside] = depth_map[rows, columns]
-    return values

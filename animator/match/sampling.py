@@ -1,5 +1,7 @@
 """Reading images where a flow points: the one place where +0.5 meets OpenCV's pixel centres."""
 
+from typing import Any
+
 import numpy as np
 
 OPENCV_FROM_PIXEL = -0.5  # OpenCV puts the centre of the first pixel at 0, this project at 0.5
@@ -46,11 +48,25 @@ def inside_mask(mask: np.ndarray, points_px: np.ndarray) -> np.ndarray:
     Returns:
         Bool, shape (M,).
     """
-    height, width = mask.shape
+    return values_at(mask, points_px, outside=False)
+
+
+def values_at(image: np.ndarray, points_px: np.ndarray, *, outside: Any) -> np.ndarray:
+    """Read the pixels that some positions lie in.
+
+    Args:
+        image: One value a pixel, shape (H, W).
+        points_px: Positions, pixel centres at +0.5, shape (M, 2); non-finite ones are outside.
+        outside: The value of what lies outside the image.
+
+    Returns:
+        The values, of the image's type, shape (M,).
+    """
+    height, width = image.shape
     points = np.asarray(points_px, np.float64).reshape(-1, 2)
     # Comparisons with NaN are false, so points that are not finite are outside.
     in_image = ((points >= 0) & (points < (width, height))).all(axis=1)
-    inside = np.zeros(len(points), bool)
+    values = np.full(len(points), outside, image.dtype)
     columns, rows = points[in_image].astype(np.int64).T
-    inside[in_image] = mask[rows, columns]
-    return inside
+    values[in_image] = image[rows, columns]
+    return values

@@ -1,4 +1,4 @@
-"""The image solver on what a frame shows alone: no matches, no rigid groups, no frame before.
+"""The image solver on what a target says alone: no rigid groups, no frame before, no matches but its own.
 
 That is what poses from different origins are compared by, and solved again with.
 """

@@ -12,7 +12,8 @@ import logging
 import numpy as np
 
 from animator.deform.image_solver import ImageSolver
-from animator.match.depth_lifting import DepthScale, lay_on, values_at
+from animator.match.depth_lifting import DepthScale, lay_on
+from animator.match.sampling import values_at
 from animator.render.protocol import Renderer
 from animator.sequence.target import Window
 from animator.types import AnchorPoses, Camera, GaussianDepths
@@ -152,7 +153,7 @@ class DepthStage:
     ) -> _Readings | None:
         assert self._depth_maps is not None
         seen = self._renderer.visibility(self._image_solver.pose(poses), camera)
-        values = values_at(window.cut(self._depth_maps[index]), seen.centres_px)
+        values = values_at(window.cut(self._depth_maps[index]), seen.centres_px, outside=np.nan)
         usable = (seen.visible_shares > self._config.least_visible) & np.isfinite(values)
         ids = np.flatnonzero(usable)
         if len(ids) < self._config.least_count:

@@ -75,7 +75,7 @@ class FrameView:
 
 
 def halved(target: FrameTarget) -> FrameTarget:
-    """Return a frame at half its size, each pixel the mean of four, without its matches."""
+    """Return a frame at half its size, each pixel the mean of four, without its matches and depths."""
     planes = torch.cat([target.image.rgb, target.image.alpha[..., None]], dim=-1).movedim(-1, 0)
     means = torch.nn.functional.avg_pool2d(planes[None], 2)[0].movedim(0, -1)
     return FrameTarget(

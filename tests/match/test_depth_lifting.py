@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from animator.match.depth_lifting import DepthScale, lay_on, values_at
+from animator.match.depth_lifting import DepthScale, lay_on
+from animator.match.sampling import values_at
 
 DEPTHS = np.random.default_rng(0).uniform(2.0, 4.0, 400)
 
@@ -35,4 +36,6 @@ def test_a_map_that_says_nothing_or_the_opposite_is_not_laid(values):
 def test_values_are_those_of_the_pixel_and_unknown_outside():
     depth_map = np.arange(6, dtype=np.float32).reshape(2, 3)
     places_px = np.array([[0.1, 0.9], [2.5, 1.5], [3.0, 0.5], [-0.1, 0.5], [np.nan, 1.0]])
-    np.testing.assert_array_equal(values_at(depth_map, places_px), [0, 5, np.nan, np.nan, np.nan])
+    np.testing.assert_array_equal(
+        values_at(depth_map, places_px, outside=np.nan), [0, 5, np.nan, np.nan, np.nan]
+    )

@@ -123,6 +123,19 @@ def test_free_joints_let_a_bend_in_depth_be_as_large_as_it_is(box):
     assert errors[0] < 0.5 * errors[1]
 
 
+def test_a_frame_is_matched_anew_before_it_is_solved(box, monkeypatch):
+    lab = Lab(box, ("rest", "previous"))
+    matched, asked = lab.driver.matched_target_of, []
+
+    def noted(index: int, frame: SolvedFrame):
+        asked.append((index, frame))
+        return matched(index, frame)
+
+    monkeypatch.setattr(lab.driver, "matched_target_of", noted)
+    lab.loosened()
+    assert asked == [(1, lab.solved[1])]
+
+
 def test_switched_off_every_pose_stays(box):
     lab = Lab(box, ("rest", "previous"))
     kept = lab.loosened(LooseningConfig(every=0))
