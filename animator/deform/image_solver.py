@@ -15,6 +15,7 @@ import torch
 from animator import quaternions
 from animator.deform import losses
 from animator.deform.coarse_motion import CoarseConfig, NodeLevel, NodeMotion
+from animator.deform.frame_target import FrameTarget
 from animator.deform.image_difference import ImageOnBlack, ImageWeights, image_difference
 from animator.deform.pace import Pace, PaceConfig, descend
 from animator.deform.robust_norm import RobustNorm
@@ -89,22 +90,6 @@ class RigidPairs:
     """Indices of Gaussians i, int64, shape (P,)."""
     second: torch.Tensor
     """Indices of Gaussians j, int64, shape (P,)."""
-
-
-@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
-class FrameTarget:
-    """What one frame shows."""
-
-    image: ImageOnBlack
-    """The frame, possibly cropped."""
-    camera: Camera
-    """The camera of this image."""
-    matches: GaussianMatches | None
-    """Where matched Gaussians were seen, in this camera's pixels."""
-    object_px: float
-    """Size of the object in the image [px]."""
-    depths: GaussianDepths | None = None
-    """How far visible Gaussians are, if the user gave depth maps."""
 
 
 class ImageSolver:

@@ -9,7 +9,8 @@ import dataclasses
 import torch
 
 from animator import quaternions
-from animator.deform.image_solver import FrameTarget, ImageSolver
+from animator.deform.frame_target import FrameTarget
+from animator.deform.image_solver import ImageSolver
 from animator.deform.pace import PaceConfig, descend
 from animator.types import AnchorPoses, Anchors
 

@@ -3,7 +3,8 @@
 That is what poses from different origins are compared by, and solved again with.
 """
 
-from animator.deform.image_solver import FrameTarget, ImageSolver, ImageSolverConfig
+from animator.deform.frame_target import FrameTarget
+from animator.deform.image_solver import ImageSolver, ImageSolverConfig
 from animator.types import AnchorPoses
 
 

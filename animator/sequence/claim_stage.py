@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import torch
 
-from animator.deform.image_solver import Draw, FrameTarget, ImageSolver
+from animator.deform.frame_target import FrameTarget
+from animator.deform.image_solver import Draw, ImageSolver
 from animator.match.claims import ClaimConfig, DrawnGaussians, find_claims
 from animator.match.unexplained import CoveredImage
 from animator.render.protocol import Renderer

@@ -11,7 +11,8 @@ from collections.abc import Iterator
 import numpy as np
 import torch
 
-from animator.deform.image_solver import FrameTarget, ImageSolver, ImageSolverConfig
+from animator.deform.frame_target import FrameTarget
+from animator.deform.image_solver import ImageSolver, ImageSolverConfig
 from animator.deform.rigid_solver import RigidSolverConfig, solve_rigid
 from animator.match.features import FeatureMatcher
 from animator.sequence.bare_solver import BareSolver
@@ -29,14 +30,14 @@ from animator.sequence.limb_search import (
 )
 from animator.sequence.match_stage import FramePair, MatchStage, MatchStageConfig
 from animator.sequence.rigid_stage import RigidStage, RigidStageConfig
+from animator.sequence.sight import Sight
 from animator.sequence.sketch import Sketcher
 from animator.sequence.solved_frame import FrameStats, SolvedFrame
 from animator.sequence.start_stage import StartStage, StartStageConfig
 from animator.sequence.stillness import shows_the_same
 from animator.sequence.stopwatch import Stopwatch
-from animator.sequence.target import FrameView, Window, crop_window, masked_render, silhouette_iou
-from animator.sequence.view_colors import ViewColors
-from animator.types import AnchorPoses, AnchorUncertainty, Camera, Gaussians, RigidGroups
+from animator.sequence.target import Window, silhouette_iou
+from animator.types import AnchorPoses, AnchorUncertainty, Camera, RigidGroups
 
 logger = logging.getLogger(__name__)
 
@@ -67,16 +68,16 @@ class Driver:
     def __init__(self, problem: ClipProblem, config: DriverConfig) -> None:
         self.problem = problem
         self._config = config
-        self._colors = ViewColors()
+        self._sight = sight = Sight(problem)
         self._image_solver = ImageSolver(
-            problem.gaussians, problem.anchors, self._draw, config.image_solver
+            problem.gaussians, problem.anchors, sight.draw, config.image_solver
         )
         self.bare_solver = BareSolver(self._image_solver)
         self._match_stage = MatchStage(
             problem.anchors,
             self._image_solver,
             problem.renderer,
-            self._draw,
+            sight.draw,
             problem.matcher,
             config.matching,
         )
@@ -84,11 +85,11 @@ class Driver:
             self._image_solver,
             self._match_stage,
             problem.renderer,
-            self._draw,
-            self._colors,
+            sight.draw,
+            sight.colors,
             config.claims,
         )
-        sketcher = Sketcher(self._image_solver, problem.anchors, problem.renderer, self._colors)
+        sketcher = Sketcher(self._image_solver, problem.anchors, problem.renderer, sight.colors)
         self._start_stage = StartStage(
             self._image_solver, self._match_stage, claim_stage, sketcher, config.start
         )
@@ -97,11 +98,8 @@ class Driver:
         )
         self._rigid_stage = RigidStage(problem.gaussians, config.rigid, problem.seed)
         self._limb_search = LimbSearch(
-            self._image_solver, problem.anchors, self._draw, sketcher, config.limb_search
+            self._image_solver, problem.anchors, sight.draw, sketcher, config.limb_search
         )
-        self._views = [
-            FrameView.read(problem.frames, index) for index in range(len(problem.frames))
-        ]
 
     def first(self) -> SolvedFrame:
         """Return frame 0: the rest pose where it explains the frame, else solved from there."""
@@ -113,8 +111,8 @@ class Driver:
                 matches=0, reprojection_px=float("nan"), start="rest", groups=0, seconds={}
             ),
         )
-        _, alpha = self._draw(self.problem.gaussians, rest.camera)
-        overlap = silhouette_iou(alpha.cpu().numpy() > 0.5, self._views[0].alpha > 127)
+        _, alpha = self._sight.draw(self.problem.gaussians, rest.camera)
+        overlap = silhouette_iou(alpha.cpu().numpy() > 0.5, self._sight.views[0].alpha > 127)
         if overlap >= self._config.rest_overlap:
             return dataclasses.replace(rest, uncertainty=self._rest_uncertainty(rest))
         logger.warning(
@@ -135,7 +133,7 @@ class Driver:
             Each newly solved frame.
         """
         self._depth_stage.calibrate(solved[0].poses, solved[0].camera)
-        for index in range(len(solved), len(self._views)):
+        for index in range(len(solved), len(self._sight.views)):
             solved.append(self._held(index, solved) or self._moved(index, solved))
             yield solved[-1]
 
@@ -170,7 +168,7 @@ class Driver:
         cameras = self.problem.cameras
         if not np.array_equal(cameras[index].cam_from_world, cameras[source].cam_from_world):
             return None
-        if not shows_the_same(self._views[index], self._views[source]):
+        if not shows_the_same(self._sight.views[index], self._sight.views[source]):
             return None
         stats = dataclasses.replace(solved[-1].stats, start="held", seconds={})
         return dataclasses.replace(solved[-1], stats=stats)
@@ -192,7 +190,7 @@ class Driver:
         # One generator a frame, so that a resumed run draws the same numbers as an unbroken one.
         rng = np.random.default_rng((self.problem.seed, index))
         camera = self._camera(index, previous)
-        window, target = self._sight(index, previous.poses, camera)
+        window, target = self._look(index, previous.poses, camera)
         onward_from = before.poses if before and self._config.continue_motion else None
         start = self._start_stage.expect(target, previous.poses, onward_from)
         watch.lap("render")
@@ -248,37 +246,33 @@ class Driver:
 
     def target_of(self, index: int, frame: SolvedFrame) -> FrameTarget:
         """Return what a solved frame shows, cropped to where its pose and the object are."""
-        return self._solved_sight(index, frame)[1]
+        return self._look_again(index, frame)[1]
 
     def matched_target_of(self, index: int, frame: SolvedFrame) -> FrameTarget:
         """Return what a solved frame shows, matched anew from the render of its pose."""
-        window, target = self._solved_sight(index, frame)
+        window, target = self._look_again(index, frame)
         if not self._config.use_matches:
             return target
         rng = np.random.default_rng((self.problem.seed, index))
         matches = self._match_stage.find_from_render(
-            frame.poses, target.camera, self._views[index].masked(window), rng
+            frame.poses, target.camera, self._sight.views[index].masked(window), rng
         )
         return dataclasses.replace(target, matches=matches)
 
     def _rest_uncertainty(self, rest: SolvedFrame) -> AnchorUncertainty:
         """Estimate how well frame 0 shows that it is at rest."""
-        window, target = self._sight(0, rest.poses, rest.camera)
+        window, target = self._look(0, rest.poses, rest.camera)
         matches = None
         if self._config.use_matches:
             rng = np.random.default_rng((self.problem.seed, 0))
             matches = self._match_stage.find(self._pair(0, rest, window), rng)
         return self._match_stage.uncertainty(rest.poses, matches, target)
 
-    def _sight(self, index: int, poses: AnchorPoses, camera: Camera) -> tuple[Window, FrameTarget]:
-        """Look at a frame in the colors of a pose: crop it to where the pose and the object are."""
-        posed = self._image_solver.pose(poses)
-        self._colors.look(posed, camera)
-        window = crop_window(self._views[index], self._draw(posed, camera)[1], camera)
-        return window, self._views[index].target(window, camera, self.problem.renderer.device)
+    def _look(self, index: int, poses: AnchorPoses, camera: Camera) -> tuple[Window, FrameTarget]:
+        return self._sight.look(index, self._image_solver.pose(poses), camera)
 
-    def _solved_sight(self, index: int, frame: SolvedFrame) -> tuple[Window, FrameTarget]:
-        window, target = self._sight(index, frame.poses, frame.camera)
+    def _look_again(self, index: int, frame: SolvedFrame) -> tuple[Window, FrameTarget]:
+        window, target = self._look(index, frame.poses, frame.camera)
         depths = self._depth_stage.find(index, frame.poses, target.camera, window)
         return window, dataclasses.replace(target, depths=depths)
 
@@ -286,16 +280,14 @@ class Driver:
         """Pair the frame with the one before it, frame 0 with the render of the rest pose."""
         earlier_camera = window.of(previous.camera)
         if index:
-            earlier = self._views[index - 1].masked(window)
+            earlier = self._sight.views[index - 1].masked(window)
         else:
-            earlier = masked_render(
-                *self._draw(self._image_solver.pose(previous.poses), earlier_camera)
-            )
+            earlier = self._sight.render(self._image_solver.pose(previous.poses), earlier_camera)
         return FramePair(
             earlier=earlier,
             earlier_camera=earlier_camera,
             earlier_poses=previous.poses,
-            frame=self._views[index].masked(window),
+            frame=self._sight.views[index].masked(window),
         )
 
     def _camera(self, index: int, previous: SolvedFrame) -> Camera:
@@ -307,11 +299,6 @@ class Driver:
             features=FeatureMatcher(),
             matcher=self.problem.matcher,
         )
-        frame = self._views[index].masked()
+        frame = self._sight.views[index].masked()
         posed = self._image_solver.pose(previous.poses)
         return refine_camera(posed, previous.camera, frame, tools).camera
-
-    def _draw(self, gaussians: Gaussians, camera: Camera) -> tuple[torch.Tensor, torch.Tensor]:
-        """Draw color and alpha on black, in the colors of the current frame's view."""
-        rendering = self.problem.renderer.render(self._colors.paint(gaussians), camera)
-        return rendering.rgb, rendering.alpha

@@ -16,7 +16,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import torch
 
-from animator.deform.image_solver import Draw, FrameTarget, ImageSolver
+from animator.deform.frame_target import FrameTarget
+from animator.deform.image_solver import Draw, ImageSolver
 from animator.deform.limb_swings import SwingConfig, swung_poses
 from animator.deform.limbs import Limb, find_limbs, line_of
 from animator.deform.losses import SQUARES

@@ -4,8 +4,9 @@ import dataclasses
 
 import numpy as np
 
+from animator.deform.frame_target import FrameTarget
 from animator.deform.gauss_newton import MatchProblem, MatchSolverConfig, solve_matches
-from animator.deform.image_solver import Draw, FrameTarget, ImageSolver
+from animator.deform.image_solver import Draw, ImageSolver
 from animator.deform.uncertainty import estimate_uncertainty
 from animator.match.lifting import lift_flow
 from animator.match.protocol import MaskedImage, Matcher

@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import torch
 
-from animator.deform.image_solver import FrameTarget, RigidPairs
+from animator.deform.frame_target import FrameTarget
+from animator.deform.image_solver import RigidPairs
 from animator.pnp import PnPOptions, solve_pnp
 from animator.rigid.growing import GrowingConfig, carry_groups, grow_groups
 from animator.rigid.refinement import GroupRefiner, RefinementConfig

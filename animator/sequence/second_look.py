@@ -12,7 +12,7 @@ import logging
 from collections.abc import Sequence
 
 from animator.deform.depth_flips import FlipConfig, flipped_poses
-from animator.deform.image_solver import FrameTarget
+from animator.deform.frame_target import FrameTarget
 from animator.deform.limbs import find_limbs
 from animator.sequence.driver import Driver
 from animator.sequence.solved_frame import SolvedFrame, with_held_following

@@ -2,7 +2,8 @@
 
 import torch
 
-from animator.deform.image_solver import FrameTarget, ImageSolver
+from animator.deform.frame_target import FrameTarget
+from animator.deform.image_solver import ImageSolver
 from animator.deform.thinning import thinned
 from animator.render.protocol import Renderer
 from animator.sequence.bare_solver import BareSolver

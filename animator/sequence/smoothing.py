@@ -4,9 +4,9 @@ Every frame has its own small error. A Whittaker smoother (1922) minimizes, for 
 sum (x_t - y_t)^T B_t (x_t - y_t) + strength * sum cost(|x_{t-1} - 2 x_t + x_{t+1}|^2), y the solved track.
 B_t says how far the frame's solution is to be believed, by direction: less along the viewing ray than
 across it, and less where no match held it. With plain squares of the accelerations it would also round
-off real starts and stops. Cauchy's norm lets go of these, the more the larger they are, down to a floor that
-tells only where nothing is believed, as of a limb that was lost; accelerations as small as the error are
-smoothed away.
+off real starts and stops. Cauchy's norm lets go of these, the more the larger they are, down to a floor;
+accelerations as small as the error are smoothed away. But an acceleration is real only as far as the places
+that it is made of are believed: a hidden limb that jumps where it comes out was not where it was thought to be.
 """
 
 import dataclasses
@@ -29,8 +29,9 @@ class SmoothingConfig:
 
     strength: float = 2.0
     """Weight of the acceleration; 0 leaves the tracks as they are."""
-    reach: float = 0.0035
-    """Acceleration of half the weight of a tiny one [diagonals per frame^2]; infinite for plain squares."""
+    reach: float = 0.0022
+    """Acceleration of half the weight of a tiny one where all is believed [diagonals per frame^2]; infinite for plain
+    squares."""
     floor: float = 0.004
     """Least weight of an acceleration."""
     believed: float = 0.0015
@@ -102,13 +103,14 @@ def smooth_tracks(
     if beliefs is None:
         beliefs = np.tile(np.eye(3), (count, len(shifts), 1, 1))
     beliefs = beliefs.swapaxes(0, 1).copy()
+    in_accelerations = (beliefs[:, :-2] + beliefs[:, 1:-1] + beliefs[:, 2:]) / 3
     beliefs[:, 0] = _EXACT * np.eye(3)  # the first frame is the rest pose, exactly known
 
     smooth, stiffness = shifts, np.zeros((len(shifts), 3, count))
     for _ in range(config.iterations):
         accelerations = np.diff(smooth, 2, axis=1) / diagonal
-        squared = np.einsum("atc,atc->at", accelerations, accelerations)
-        weights = config.floor + (1.0 - config.floor) / (1.0 + squared / config.reach**2)
+        real = np.einsum("ati,atij,atj->at", accelerations, in_accelerations, accelerations)
+        weights = config.floor + (1.0 - config.floor) / (1.0 + real / config.reach**2)
         stiffness = config.strength * _bands_of_accelerations(weights)
         smooth = _smoothed(shifts, beliefs, stiffness)
     belief_in_turns = np.trace(beliefs, axis1=2, axis2=3)[..., None, None] / 3

@@ -10,7 +10,8 @@ import dataclasses
 
 import numpy as np
 
-from animator.deform.image_solver import FrameTarget, ImageSolver
+from animator.deform.frame_target import FrameTarget
+from animator.deform.image_solver import ImageSolver
 from animator.sequence.claim_stage import ClaimStage
 from animator.sequence.match_stage import FramePair, MatchStage
 from animator.sequence.pose_change import extrapolated, step_length

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import torch
 
+from animator.deform.frame_target import FrameTarget
 from animator.deform.image_difference import ImageOnBlack
-from animator.deform.image_solver import FrameTarget
 from animator.match.protocol import MaskedImage
 from animator.types import Camera, Frames
 

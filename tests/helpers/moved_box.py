@@ -4,8 +4,9 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from animator import quaternions
+from animator.deform.frame_target import FrameTarget
 from animator.deform.image_difference import ImageOnBlack
-from animator.deform.image_solver import FrameTarget, ImageSolver, ImageSolverConfig
+from animator.deform.image_solver import ImageSolver, ImageSolverConfig
 from animator.render.cpu import CpuRenderer
 from animator.types import AnchorPoses, Anchors, Gaussians
 from tests.helpers.objects import front_camera

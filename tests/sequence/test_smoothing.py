@@ -125,6 +125,16 @@ def test_a_jump_is_rounded_off_only_where_it_is_not_believed():
     assert np.abs(doubted).max() < 0.85 * np.abs(believed).max()
 
 
+@pytest.mark.parametrize(("axis", "remains"), [(0, (0.9, 1.0)), (2, (0.0, 0.4))])
+def test_a_jump_in_a_direction_that_nothing_shows_is_no_jump(axis, remains):
+    jump = line()
+    jump[8:, :, axis] += 0.4
+    beliefs = np.tile(np.diag([1.0, 1.0, SmoothingConfig().least_belief]), (FRAMES, ANCHORS, 1, 1))
+    smooth = shifts_of(smooth_tracks(tracks_of(jump), DIAGONAL, SmoothingConfig(), beliefs))
+    acceleration = np.abs(np.diff(smooth, 2, axis=0)).max() / 0.4
+    assert remains[0] < acceleration < remains[1]
+
+
 def test_belief_is_less_along_the_ray_and_where_nothing_is_seen():
     anchors = build_anchors(textured_box(), target_count=20)
     count, config = len(anchors), SmoothingConfig(believed=0.01, least_belief=0.25)
