@@ -9,7 +9,7 @@ from animator.config import METHOD, option_infos
 
 SCENE_PLACEHOLDER = "{scene}"
 """Stands for the scene's name in `--clip`."""
-TASK_NAMES = ("clip", "single", "interpolate2", "interpolate4", "noise", "half-views")
+TASK_NAMES = ("clip", "single", "interpolate2", "interpolate4", "noise", "half-views", "depth")
 """Keys of `animator.evaluation.tasks.TASKS`, which needs torch; a test compares."""
 DEFAULT_METHODS = "static,full"
 _NOT_ASKED = ("min_iou",)

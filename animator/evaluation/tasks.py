@@ -1,4 +1,4 @@
-"""What is asked of a method: the whole clip, two frames, in-betweens, a worse model."""
+"""What is asked of a method: the whole clip, two frames, in-betweens, a worse model, more to go by."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -8,11 +8,13 @@ import torch
 
 from animator.errors import InputError
 from animator.evaluation.truth_scene import TruthScene
-from animator.scene import Scene, read_ply
+from animator.scene import Scene, read_depth_maps, read_ply
 from animator.types import Gaussians
 
 HALF_MODEL = "init_half.ply"
 """The model trained from half of the views, where a scene provides it."""
+DEPTH_FOLDER = "depth"
+"""One depth map a frame, where a scene provides them."""
 NOISE_COUNT = 1000
 """Gaussians added by the task `noise`, as many as in the paper."""
 
@@ -32,6 +34,7 @@ class Task:
     noise: int = 0
     """Gaussians of noise added to the model."""
     needs_half_model: bool = False
+    needs_depth_maps: bool = False
 
     @property
     def is_interpolation(self) -> bool:
@@ -52,6 +55,7 @@ TASKS: dict[str, Task] = {
     "half-views": Task(
         summary="the clip with the model trained from half of the views", needs_half_model=True
     ),
+    "depth": Task(summary="the clip with a depth map of each frame", needs_depth_maps=True),
 }
 
 
@@ -103,13 +107,16 @@ def assign(
     model_size = len(gaussians)
     if task.noise:
         gaussians = with_noise(gaussians, task.noise, np.random.default_rng(seed))
+    frames_given = truth.scene.frames
+    if task.needs_depth_maps:
+        frames_given = dataclasses.replace(frames_given, depths=_depth_maps(truth))
     cameras = truth.scene.frame_cameras
     if cameras is not None and len(cameras) > 1:
         cameras = tuple(cameras[row] for row in rows)
     scene = dataclasses.replace(
         truth.scene,
         gaussians=gaussians,
-        frames=truth.scene.frames.take(rows),
+        frames=frames_given.take(rows),
         frame_cameras=cameras,
     )
     return Assignment(
@@ -176,3 +183,12 @@ def _half_model(truth: TruthScene) -> Gaussians:
             "half-views is left out for this scene."
         )
     return read_ply(path)
+
+
+def _depth_maps(truth: TruthScene) -> np.ndarray:
+    folder = truth.folder / DEPTH_FOLDER
+    if not folder.is_dir():
+        raise NotProvidedError(
+            f"{truth.folder}: no folder {DEPTH_FOLDER}/, so the task depth is left out for this scene."
+        )
+    return read_depth_maps(truth.scene.frames, folder)

@@ -4,6 +4,7 @@
 """
 
 from animator.scene.cameras import read_cameras
+from animator.scene.depth_maps import read_depth_maps
 from animator.scene.discovery import Found, SceneFiles, SceneOverrides, discover
 from animator.scene.frames import FrameOptions, open_frames, read_frames, select_frames
 from animator.scene.masks import Masks, find_masks
@@ -22,6 +23,7 @@ __all__ = [
     "find_masks",
     "open_frames",
     "read_cameras",
+    "read_depth_maps",
     "read_frames",
     "read_ply",
     "read_scene",

@@ -68,6 +68,20 @@ def test_half_of_the_views_must_be_provided(truth):
         assign(TASKS["half-views"], truth)
 
 
+def test_depth_maps_are_given_with_the_frames(truth, tmp_path):
+    with pytest.raises(NotProvidedError, match="depth/"):
+        assign(TASKS["depth"], dataclasses.replace(truth, folder=tmp_path))
+    (tmp_path / "depth").mkdir()
+    shape = truth.scene.frames.alphas.shape[1:]
+    for number in truth.numbers:
+        np.save(tmp_path / "depth" / f"{number}.npy", np.full(shape, 1.0 + number, np.float32))
+    provided = dataclasses.replace(truth, folder=tmp_path)
+    given = assign(TASKS["depth"], provided, frames=(0, 2)).scene.frames.depths
+    assert given is not None
+    np.testing.assert_array_equal(given[:, 0, 0], [1.0, 3.0])
+    assert assign(TASKS["clip"], provided).scene.frames.depths is None
+
+
 def test_the_command_offers_what_there_is():
     assert tuple(TASKS) == evaluate_arguments.TASK_NAMES
     assert chosen_methods(evaluate_arguments.DEFAULT_METHODS) == ("static", "full")
