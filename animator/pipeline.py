@@ -10,6 +10,7 @@ from typing import Literal
 from scipy.spatial import KDTree
 
 from animator.deform.anchors import build_anchors
+from animator.deform.floaters import without_floaters
 from animator.match.registry import load_matcher
 from animator.render.protocol import Renderer
 from animator.render.registry import load_renderer
@@ -98,10 +99,11 @@ def fit(
     renderer = load_renderer(config.device)
     matcher = load_matcher(config.matcher, roma_weights=config.roma_weights)
     gaussians = scene.gaussians.to(renderer.device)
-    cameras = locate_cameras(scene, gaussians, renderer)
-    anchors = build_anchors(gaussians, target_count=config.anchors)
+    solid = without_floaters(gaussians)
+    cameras = locate_cameras(scene, solid, renderer)
+    anchors = build_anchors(solid, target_count=config.anchors)
     problem = ClipProblem(
-        gaussians=gaussians,
+        gaussians=solid,
         anchors=anchors,
         frames=scene.frames,
         cameras=cameras,

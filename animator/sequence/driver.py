@@ -144,7 +144,7 @@ class Driver:
         if config.most_swings == 0:
             return frame
         last, search = earlier[-1], self._limb_search
-        far = is_far(earlier, frame, self.problem.gaussians.diagonal, config)
+        far = is_far(last, frame, self.problem.gaussians.diagonal, config)
         # The last frame first: a target is seen in the colors of the view that was looked at last.
         last_energy = 0.0
         if far and index:

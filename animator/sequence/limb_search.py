@@ -1,15 +1,14 @@
 """Search for limbs that descent from the last pose has lost.
 
 A descent finds what is near. After a large step a limb may be nearer to the place of another, or have turned too far;
-what comes out from behind the body is nowhere near. So limbs are searched for in a frame that moved farther than any
-before it and is badly explained, and in one of which a piece is not explained at all: one limb after the other is swung
-to the sides, all descend side by side on a smaller picture, and the worst drop out. After a large step they start
-from the last pose solved with a stiff object first, which keeps limbs in order. The energy of the image stage says
-which is kept.
+what comes out from behind the body is nowhere near. So limbs are searched for in a frame that moved far and is
+explained much worse than the one before it, and in one of which a piece is not explained at all: one limb after the
+other is swung to the sides, all descend side by side on a smaller picture, and the worst drop out. After a large step
+they start from the last pose solved with a stiff object first, which keeps limbs in order. The energy of the image
+stage says which is kept.
 """
 
 import dataclasses
-import itertools
 import math
 from collections.abc import Callable, Sequence
 
@@ -51,8 +50,6 @@ class LimbSearchConfig:
 
     far: float = 0.03
     """Step from one frame to the next, of the fastest twentieth of the anchors, that is large [diagonals]."""
-    farther: float = 1.5
-    """Times the largest step before, that a step must be."""
     worse: float = 1.6
     """Times the energy of the frame before, that its energy must be."""
     usual: float = 0.02
@@ -101,21 +98,10 @@ class _Runner:
 
 
 def is_far(
-    solved: Sequence[SolvedFrame], frame: SolvedFrame, diagonal: float, config: LimbSearchConfig
+    last: SolvedFrame, frame: SolvedFrame, diagonal: float, config: LimbSearchConfig
 ) -> bool:
-    """Tell whether a frame is a larger step from the last one than any step before it.
-
-    Args:
-        solved: The frames before it, at least one.
-        frame: The frame.
-        diagonal: Of the object at rest [scene unit].
-        config: What large means.
-    """
-    last = step_length(solved[-1].poses, frame.poses)
-    if last <= config.far * diagonal:
-        return False
-    before = (step_length(one.poses, other.poses) for one, other in itertools.pairwise(solved))
-    return last > config.farther * max(before, default=0.0)
+    """Tell whether a frame is a large step from the last one on an object of a diagonal [scene unit]."""
+    return step_length(last.poses, frame.poses) > config.far * diagonal
 
 
 def is_badly_explained(energy: float, last_energy: float, config: LimbSearchConfig) -> bool:
