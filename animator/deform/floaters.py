@@ -42,8 +42,8 @@ def without_floaters(gaussians: Gaussians) -> Gaussians:
     if not floats.any():
         return gaussians
     logger.warning(
-        "%s of %s Gaussians float apart from the object; they follow what is near them, and are not "
-        "compared with the frames",
+        "%s of %s Gaussians float apart from the object: they follow what is near them, and are not "
+        "compared with the frames; remove them in a splat editor if you do not want them",
         f"{int(floats.sum()):,}",
         f"{len(gaussians):,}",
     )
