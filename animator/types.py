@@ -208,6 +208,16 @@ class Anchors:
     def __len__(self) -> int:
         return len(self.positions)
 
+    def mean_of_carried(self, values: np.ndarray) -> np.ndarray:
+        """Average a value of each Gaussian, shape (N,), over those that follow an anchor, by weight; shape (A,)."""
+        ids = self.skin_ids.cpu().numpy().ravel()
+        weights = self.skin_weights.detach().cpu().numpy().astype(np.float64)
+        sums, totals = (
+            np.bincount(ids, part.ravel(), minlength=len(self))
+            for part in (weights * values[:, None], weights)
+        )
+        return sums / np.maximum(totals, 1e-12)
+
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class AnchorPoses:

@@ -244,6 +244,13 @@ class Driver:
                 self._image_solver.image_loss(self._image_solver.pose(frame.poses), target)
             )
 
+    def seen_shares(self, frame: SolvedFrame) -> np.ndarray:
+        """Measure how much of what each anchor carries the camera sees, 0 to 1, shape (A,)."""
+        posed = self._image_solver.pose(frame.poses)
+        return self.problem.anchors.mean_of_carried(
+            self.problem.renderer.visibility(posed, frame.camera).visible_shares
+        )
+
     def target_of(self, index: int, frame: SolvedFrame) -> FrameTarget:
         """Return what a solved frame shows, cropped to where its pose and the object are."""
         return self._look_again(index, frame)[1]

@@ -64,12 +64,29 @@ def beliefs_in(
             np.clip((config.believed * diagonal / sigmas) ** 2, config.least_belief, 1.0)
             for sigmas in (frame.uncertainty.along_ray, frame.uncertainty.across_ray)
         )
-        places = (anchors.positions + frame.poses.translations).detach().cpu().numpy()
-        rays = places - frame.camera.position
-        rays /= np.maximum(np.linalg.norm(rays, axis=1, keepdims=True), 1e-12)
+        rays = _rays_to(anchors, frame)
         beliefs[index] *= across[:, None, None]
         beliefs[index] += np.einsum("a,ai,aj->aij", along - across, rays, rays)
     return beliefs
+
+
+def firmer_across_rays(
+    beliefs: np.ndarray, frame: SolvedFrame, anchors: Anchors, factors: np.ndarray
+) -> np.ndarray:
+    """Believe places of one frame more, as far as its picture tells of them: across the rays only.
+
+    Args:
+        beliefs: Of this frame, shape (A, 3, 3).
+        frame: The frame.
+        anchors: The anchors at rest.
+        factors: How many times more, at least 1, shape (A,).
+
+    Returns:
+        The new beliefs; they may exceed 1.
+    """
+    rays = _rays_to(anchors, frame)
+    across = np.eye(3) - np.einsum("ai,aj->aij", rays, rays)
+    return beliefs + (factors - 1.0)[:, None, None] * (across @ beliefs @ across)
 
 
 def smooth_tracks(
@@ -124,6 +141,13 @@ def smooth_tracks(
         for t, pose in enumerate(tracks)
         if t
     ]
+
+
+def _rays_to(anchors: Anchors, frame: SolvedFrame) -> np.ndarray:
+    """Return unit vectors from the camera to the places of the anchors, shape (A, 3)."""
+    places = (anchors.positions + frame.poses.translations).detach().cpu().numpy()
+    rays = places - frame.camera.position
+    return rays / np.maximum(np.linalg.norm(rays, axis=1, keepdims=True), 1e-12)
 
 
 def _bands_of_accelerations(weights: np.ndarray) -> np.ndarray:

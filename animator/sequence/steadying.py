@@ -4,9 +4,16 @@ import dataclasses
 import logging
 from collections.abc import Sequence
 
+import numpy as np
+
 from animator.sequence.driver import Driver
 from animator.sequence.rigid_body import RigidBodyConfig, as_rigid_body
-from animator.sequence.smoothing import SmoothingConfig, beliefs_in, smooth_tracks
+from animator.sequence.smoothing import (
+    SmoothingConfig,
+    beliefs_in,
+    firmer_across_rays,
+    smooth_tracks,
+)
 from animator.sequence.solved_frame import SolvedFrame
 from animator.types import AnchorPoses
 
@@ -19,6 +26,12 @@ class SteadyingConfig:
 
     smoothing: SmoothingConfig = dataclasses.field(default_factory=SmoothingConfig)
     rigid_body: RigidBodyConfig = dataclasses.field(default_factory=RigidBodyConfig)
+    spoilt: float = 1.3
+    """Times the loss of a frame's picture before, above which smoothing has spoilt it."""
+    firmer: float = 4.0
+    """How many times more what is seen in a spoilt frame is believed, each round."""
+    rounds: int = 3
+    """Rounds of smoothing and looking at the pictures."""
 
 
 def steadied(
@@ -35,7 +48,7 @@ def steadied(
         The frames with steady poses.
     """
     anchors, diagonal = driver.problem.anchors, driver.problem.gaussians.diagonal
-    beliefs = beliefs_in(solved, anchors, diagonal, config.smoothing)
+    beliefs = _beliefs(solved, driver, config)
 
     def smoothed(tracks: Sequence[AnchorPoses]) -> list[AnchorPoses]:
         return smooth_tracks(tracks, diagonal, config.smoothing, beliefs)
@@ -60,6 +73,30 @@ def steadied(
             return bending
     logger.info("the object moves as one rigid body")
     return stiff
+
+
+def _beliefs(solved: Sequence[SolvedFrame], driver: Driver, config: SteadyingConfig) -> np.ndarray:
+    """Believe what the matches determine, and more of it in frames whose picture smoothing would spoil.
+
+    A belief errs on the side of smoothing where there are no matches: a head that rolls fast is seen well all the same.
+    """
+    anchors, diagonal = driver.problem.anchors, driver.problem.gaussians.diagonal
+    beliefs = beliefs_in(solved, anchors, diagonal, config.smoothing)
+    enough = [config.spoilt * driver.image_loss(index, frame) for index, frame in enumerate(solved)]
+    tracks = [frame.poses for frame in solved]
+    for _ in range(config.rounds):
+        steady = _posed(solved, smooth_tracks(tracks, diagonal, config.smoothing, beliefs))
+        spoilt = [
+            index
+            for index, frame in enumerate(steady)
+            if driver.image_loss(index, frame) > enough[index]
+        ]
+        if not spoilt:
+            break
+        for index in spoilt:
+            factors = 1.0 + (config.firmer - 1.0) * driver.seen_shares(solved[index])
+            beliefs[index] = firmer_across_rays(beliefs[index], solved[index], anchors, factors)
+    return beliefs
 
 
 def _posed(solved: Sequence[SolvedFrame], tracks: Sequence[AnchorPoses]) -> list[SolvedFrame]:

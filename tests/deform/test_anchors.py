@@ -6,6 +6,7 @@ from scipy.sparse.csgraph import connected_components
 
 from animator.deform.anchors import build_anchors
 from tests.helpers.objects import box_points, gaussians_at
+from tests.helpers.textured import textured_box
 
 
 @pytest.fixture(scope="module")
@@ -66,3 +67,11 @@ def test_a_handful_of_gaussians_still_gets_anchors(count):
     )
     assert len(anchors) >= 1
     torch.testing.assert_close(anchors.skin_weights.sum(dim=1), torch.ones(count))
+
+
+def test_values_of_gaussians_are_averaged_over_the_anchors_that_carry_them():
+    box = textured_box()
+    anchors = build_anchors(box, target_count=30)
+    places = np.stack([anchors.mean_of_carried(axis) for axis in box.means.numpy().T], axis=1)
+    assert np.abs(places - anchors.positions.numpy()).max() < 1.5 * anchors.spacing
+    np.testing.assert_allclose(anchors.mean_of_carried(np.full(len(box), 0.3)), 0.3, rtol=1e-6)

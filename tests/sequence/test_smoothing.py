@@ -8,7 +8,12 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from animator.deform.anchors import build_anchors
-from animator.sequence.smoothing import SmoothingConfig, beliefs_in, smooth_tracks
+from animator.sequence.smoothing import (
+    SmoothingConfig,
+    beliefs_in,
+    firmer_across_rays,
+    smooth_tracks,
+)
 from animator.sequence.solved_frame import FrameStats, SolvedFrame
 from animator.types import AnchorPoses, AnchorUncertainty, RigidGroups
 from tests.helpers.objects import front_camera
@@ -108,6 +113,23 @@ def test_what_is_believed_less_is_smoothed_more_and_only_in_that_direction():
     moved_alike, moved = (np.abs(found - noisy).mean(axis=(0, 1)) for found in (alike, weighted))
     np.testing.assert_allclose(moved[:2], moved_alike[:2], rtol=1e-4)
     assert moved[2] > 1.1 * moved_alike[2]
+
+
+def test_firmer_is_across_the_ray_only():
+    anchors = build_anchors(textured_box(), target_count=20)
+    frame = SolvedFrame(
+        poses=AnchorPoses.identity(anchors),
+        camera=front_camera(1e4),
+        groups=RigidGroups(labels=np.zeros(0, np.int64)),
+        stats=FrameStats(matches=0, reprojection_px=0.0, start="rest", groups=0, seconds={}),
+    )
+    beliefs = np.tile(0.1 * np.eye(3), (len(anchors), 1, 1))
+    factors = np.linspace(1.0, 4.0, len(anchors))
+    firmer = firmer_across_rays(beliefs, frame, anchors, factors)
+    for factor, belief in zip(factors, firmer, strict=True):
+        np.testing.assert_allclose(
+            np.linalg.eigvalsh(belief), [0.1, 0.1 * factor, 0.1 * factor], atol=1e-12
+        )
 
 
 def test_a_jump_is_rounded_off_only_where_it_is_not_believed():
