@@ -15,7 +15,7 @@ from animator.sequence.smoothing import (
     smooth_tracks,
 )
 from animator.sequence.solved_frame import FrameStats, SolvedFrame
-from animator.types import AnchorPoses, AnchorUncertainty, RigidGroups
+from animator.types import AnchorPoses, Anchors, AnchorUncertainty, RigidGroups
 from tests.helpers.objects import front_camera
 from tests.helpers.textured import textured_box
 
@@ -37,6 +37,15 @@ def tracks_of(shifts: np.ndarray, angles_rad: np.ndarray | None = None) -> list[
 
 def shifts_of(tracks: list[AnchorPoses]) -> np.ndarray:
     return np.stack([pose.translations.numpy() for pose in tracks])
+
+
+def at_rest(anchors: Anchors) -> SolvedFrame:
+    return SolvedFrame(
+        poses=AnchorPoses.identity(anchors),
+        camera=front_camera(1e4),
+        groups=RigidGroups(labels=np.zeros(0, np.int64)),
+        stats=FrameStats(matches=0, reprojection_px=0.0, start="rest", groups=0, seconds={}),
+    )
 
 
 def line() -> np.ndarray:
@@ -117,12 +126,7 @@ def test_what_is_believed_less_is_smoothed_more_and_only_in_that_direction():
 
 def test_firmer_is_across_the_ray_only():
     anchors = build_anchors(textured_box(), target_count=20)
-    frame = SolvedFrame(
-        poses=AnchorPoses.identity(anchors),
-        camera=front_camera(1e4),
-        groups=RigidGroups(labels=np.zeros(0, np.int64)),
-        stats=FrameStats(matches=0, reprojection_px=0.0, start="rest", groups=0, seconds={}),
-    )
+    frame = at_rest(anchors)
     beliefs = np.tile(0.1 * np.eye(3), (len(anchors), 1, 1))
     factors = np.linspace(1.0, 4.0, len(anchors))
     firmer = firmer_across_rays(beliefs, frame, anchors, factors)
@@ -161,17 +165,12 @@ def test_belief_is_less_along_the_ray_and_where_nothing_is_seen():
     anchors = build_anchors(textured_box(), target_count=20)
     count, config = len(anchors), SmoothingConfig(believed=0.01, least_belief=0.25)
     sigmas = {"along_ray": 0.02 * DIAGONAL, "across_ray": 0.005 * DIAGONAL}
-    frame = SolvedFrame(
-        poses=AnchorPoses.identity(anchors),
-        camera=front_camera(1e4),
-        groups=RigidGroups(labels=np.zeros(0, np.int64)),
-        stats=FrameStats(matches=0, reprojection_px=0.0, start="rest", groups=0, seconds={}),
-        uncertainty=AnchorUncertainty(
-            **{name: np.full(count, sigma, np.float32) for name, sigma in sigmas.items()}
-        ),
+    uncertainty = AnchorUncertainty(
+        **{name: np.full(count, sigma, np.float32) for name, sigma in sigmas.items()}
     )
+    frame = at_rest(anchors)
     believed, doubted = beliefs_in(
-        [dataclasses.replace(frame, uncertainty=None), frame], anchors, DIAGONAL, config
+        [frame, dataclasses.replace(frame, uncertainty=uncertainty)], anchors, DIAGONAL, config
     )
     np.testing.assert_array_equal(believed, np.tile(np.eye(3), (count, 1, 1)))
     ray = anchors.positions[0].numpy() - frame.camera.position
