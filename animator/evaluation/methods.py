@@ -9,6 +9,7 @@ from animator.deform.image_solver import ImageSolverConfig, LossWeights
 from animator.deform.losses import SQUARES
 from animator.errors import InputError
 from animator.pipeline import FitConfig
+from animator.sequence.light_stage import LightStageConfig
 from animator.sequence.limb_search import LimbSearchConfig
 from animator.sequence.loosening import LooseningConfig
 from animator.sequence.rigid_body import RigidBodyConfig
@@ -50,6 +51,7 @@ def _rgb_and_arap(config: FitConfig) -> FitConfig:
             config.driver,
             image_solver=image_solver,
             continue_motion=False,
+            light=LightStageConfig(spread=0.0),
             limb_search=LimbSearchConfig(most_swings=0),
         ),
         second_look=SecondLookConfig(every=0),

@@ -14,12 +14,12 @@ import torch
 from animator.deform.frame_target import FrameTarget
 from animator.deform.image_solver import ImageSolver, ImageSolverConfig
 from animator.deform.rigid_solver import RigidSolverConfig, solve_rigid
-from animator.match.features import FeatureMatcher
 from animator.sequence.bare_solver import BareSolver
-from animator.sequence.camera_pose import CameraTools, refine_camera
+from animator.sequence.cameras import followed_camera
 from animator.sequence.claim_stage import ClaimStage, ClaimStageConfig
 from animator.sequence.clip_problem import ClipProblem
 from animator.sequence.depth_stage import DepthStage, DepthStageConfig
+from animator.sequence.light_stage import LightStage, LightStageConfig
 from animator.sequence.limb_search import (
     LimbSearch,
     LimbSearchConfig,
@@ -56,6 +56,7 @@ class DriverConfig:
     claims: ClaimStageConfig = dataclasses.field(default_factory=ClaimStageConfig)
     start: StartStageConfig = dataclasses.field(default_factory=StartStageConfig)
     depth: DepthStageConfig = dataclasses.field(default_factory=DepthStageConfig)
+    light: LightStageConfig = dataclasses.field(default_factory=LightStageConfig)
     rigid: RigidStageConfig = dataclasses.field(default_factory=RigidStageConfig)
     image_solver: ImageSolverConfig = dataclasses.field(default_factory=ImageSolverConfig)
     limb_search: LimbSearchConfig = dataclasses.field(default_factory=LimbSearchConfig)
@@ -96,6 +97,7 @@ class Driver:
         self._depth_stage = DepthStage(
             problem.frames.depths, self._image_solver, problem.renderer, config.depth
         )
+        self.light_stage = LightStage(self._image_solver, problem.renderer, sight, config.light)
         self._rigid_stage = RigidStage(problem.gaussians, config.rigid, problem.seed)
         self._limb_search = LimbSearch(
             self._image_solver, problem.anchors, sight.draw, sketcher, config.limb_search
@@ -133,8 +135,10 @@ class Driver:
             Each newly solved frame.
         """
         self._depth_stage.calibrate(solved[0].poses, solved[0].camera)
+        self.light_stage.learn_afresh(solved)
         for index in range(len(solved), len(self._sight.views)):
             solved.append(self._held(index, solved) or self._moved(index, solved))
+            self.light_stage.learn(index, solved[-1])
             yield solved[-1]
 
     def _moved(self, index: int, earlier: list[SolvedFrame]) -> SolvedFrame:
@@ -301,11 +305,6 @@ class Driver:
         """Return the frame's camera, followed from the previous frame's if it moves."""
         if not self.problem.follow_camera:
             return self.problem.cameras[index]
-        tools = CameraTools(
-            renderer=self.problem.renderer,
-            features=FeatureMatcher(),
-            matcher=self.problem.matcher,
-        )
-        frame = self._sight.views[index].masked()
         posed = self._image_solver.pose(previous.poses)
-        return refine_camera(posed, previous.camera, frame, tools).camera
+        frame = self._sight.views[index].masked()
+        return followed_camera(self.problem, posed, previous.camera, frame)

@@ -39,6 +39,8 @@ class LooseningConfig:
     """Times the weight of ARAP: parts are stiffer."""
     rotation: float = 1.0 / 3.0
     """Times the weight of rotation differences: what bends smoothly, a tail or a trunk, may bend more."""
+    rgb: float = 2.0
+    """Times the weight of color: in the light that is known by now, it says how surfaces turned."""
     deform: float = 30.0
     """Times the weight of matches, which are found anew from where a frame is: by now they are short and right."""
     smoothing: float = 1.0
@@ -65,6 +67,7 @@ def loosened(
         return list(solved)
     if len(solved) > 1:
         logger.info("Solving frames once more, with free joints.")
+    driver.light_stage.learn_afresh(solved)
     solver = driver.bare_solver.with_config(loose(driver.bare_solver.config, config))
     chosen = _chosen(solved, driver.problem.gaussians.diagonal, config)
     changed = {0: solved[0]}
@@ -95,6 +98,7 @@ def loose(solver: ImageSolverConfig, config: LooseningConfig) -> ImageSolverConf
             weights,
             arap=config.arap * weights.arap,
             rotation=config.rotation * weights.rotation,
+            rgb=config.rgb * weights.rgb,
             deform=config.deform * weights.deform,
         ),
     )

@@ -3,6 +3,7 @@
 import torch
 
 from animator.deform.frame_target import FrameTarget
+from animator.deform.shading import Shading
 from animator.match.protocol import MaskedImage
 from animator.sequence.clip_problem import ClipProblem
 from animator.sequence.target import FrameView, Window, crop_window, masked_render
@@ -15,7 +16,8 @@ class Sight:
 
     def __init__(self, problem: ClipProblem) -> None:
         self._renderer = problem.renderer
-        self.colors = ViewColors()
+        self.shading = Shading(problem.gaussians)
+        self.colors = ViewColors(self.shading)
         self.views = [FrameView.read(problem.frames, index) for index in range(len(problem.frames))]
 
     def draw(self, gaussians: Gaussians, camera: Camera) -> tuple[torch.Tensor, torch.Tensor]:

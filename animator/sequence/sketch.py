@@ -53,7 +53,7 @@ class Sketcher:
             rendering = self._renderer.render(gaussians, camera)
             return rendering.rgb, rendering.alpha
 
-        painted = self._colors.paint(self._image_solver.gaussians)
+        painted = self._colors.paint_as_seen(self._image_solver.gaussians)
         gaussians, anchors = thinned(painted, self._anchors, self._most_gaussians)
         solver = ImageSolver(gaussians, anchors, draw, self._image_solver.config)
         return Sketch(halved(target), BareSolver(solver))

@@ -146,6 +146,6 @@ def test_looser_is_relative_to_what_the_clip_was_solved_with():
     solver = ImageSolverConfig(
         arap_norm=RobustNorm(reach=0.2, floor=0.5), weights=LossWeights(rest=12.0, arap=7.0)
     )
-    looser = loose(solver, LooseningConfig(floor=0.5, arap=2.0, rotation=0.5, deform=2.0))
+    looser = loose(solver, LooseningConfig(floor=0.5, arap=2.0, rotation=0.5, rgb=3.0, deform=2.0))
     assert looser.arap_norm == RobustNorm(reach=0.2, floor=0.25)
-    assert looser.weights == LossWeights(rest=12.0, arap=14.0, rotation=2.5, deform=0.6)
+    assert looser.weights == LossWeights(rest=12.0, arap=14.0, rotation=2.5, rgb=3.0, deform=0.6)

@@ -1,0 +1,45 @@
+"""Which way the object's surface faces at each Gaussian."""
+
+import dataclasses
+
+import numpy as np
+from scipy.spatial import KDTree
+
+_NEIGHBORS = 24
+_FLAT = 0.05
+"""Share of the neighborhood's variance across the surface, up to which it is one."""
+_ROUND = 0.15
+"""... from which it is none: a lump, or a thin stick."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class SurfaceNormals:
+    """Normals of N Gaussians at rest."""
+
+    directions: np.ndarray
+    """Unit normals; which of the two sides they point to says nothing, shape (N, 3)."""
+    trusts: np.ndarray
+    """1 where the neighborhood is flat, 0 where it is round, shape (N,)."""
+
+
+def surface_normals(means: np.ndarray) -> SurfaceNormals:
+    """Estimate normals by the principal axes of each Gaussian's neighborhood (Hoppe et al. 1992).
+
+    Not by the Gaussian's own shortest axis: splats are trained to draw well, and many stand askew.
+
+    Args:
+        means: Rest centres [scene unit], shape (N, 3).
+    """
+    points = np.asarray(means, np.float64)
+    count = min(_NEIGHBORS, len(points))
+    if count < 4:
+        upward = np.tile([0.0, 1.0, 0.0], (len(points), 1))
+        return SurfaceNormals(directions=upward, trusts=np.zeros(len(points)))
+    near = points[KDTree(points).query(points, k=count)[1]]
+    arms = near - near.mean(axis=1, keepdims=True)
+    variances, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", arms, arms))
+    across = variances[:, 0] / np.maximum(variances.sum(axis=1), 1e-30)
+    return SurfaceNormals(
+        directions=axes[:, :, 0],
+        trusts=np.clip((_ROUND - across) / (_ROUND - _FLAT), 0.0, 1.0),
+    )

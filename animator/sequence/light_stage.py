@@ -1,0 +1,110 @@
+"""Learns the light of a clip from the frames that are solved: how brightness changed where surfaces turned."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+
+from animator.deform.image_difference import ImageOnBlack
+from animator.deform.image_solver import ImageSolver
+from animator.deform.light_fit import LightFit, LightSamples
+from animator.match.sampling import inside_mask, values_at
+from animator.render.protocol import Renderer
+from animator.sequence.sight import Sight
+from animator.sequence.solved_frame import SolvedFrame
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class LightStageConfig:
+    """What is expected of a light, and which Gaussians are asked."""
+
+    spread: float = 0.15
+    """Standard deviation of the light that is expected [natural logarithm of color]; 0 switches it off."""
+    noise: float = 0.05
+    """Error of a brightness, likewise."""
+    alike: float = 50.0
+    """Gaussians whose errors are alike."""
+    blur_px: float = 1.5
+    """Brightness is compared after a blur of this standard deviation [px]: edges never lie exactly right."""
+    least_visible: float = 0.3
+    """Share of a Gaussian that must be visible."""
+    least_flat: float = 0.5
+    """Trust in its normal."""
+    least_covered: float = 0.97
+    """Coverage around it, drawn and seen."""
+    most_hue: float = 0.05
+    """Change of the color's proportions, above which another surface is seen there."""
+    darkest: float = 0.03
+    """Brightness below which a ratio says nothing, 0..1."""
+
+
+class LightStage:
+    """Keeps the light of the sight up to date."""
+
+    def __init__(
+        self, image_solver: ImageSolver, renderer: Renderer, sight: Sight, config: LightStageConfig
+    ) -> None:
+        self._image_solver = image_solver
+        self._renderer = renderer
+        self._sight = sight
+        self._config = config
+        self._fit: LightFit | None = None
+        self.learn_afresh(())
+
+    def learn_afresh(self, solved: Sequence[SolvedFrame]) -> None:
+        """Forget the light, and learn it from some frames in order, the first of the clip first."""
+        config = self._config
+        if config.spread == 0.0:
+            return
+        self._fit = LightFit(spread=config.spread, noise=config.noise, alike=config.alike)
+        self._sight.shading.light.zero_()
+        for index, frame in enumerate(solved):
+            self.learn(index, frame)
+
+    def learn(self, index: int, frame: SolvedFrame) -> None:
+        """Learn from another frame; one that shows what the one before it showed says nothing new."""
+        if self._fit is None or frame.is_held:
+            return
+        self._fit.add(self._samples(index, frame))
+        light = self._sight.shading.light
+        light.copy_(torch.from_numpy(self._fit.light))
+
+    def _samples(self, index: int, frame: SolvedFrame) -> LightSamples:
+        config, shading = self._config, self._sight.shading
+        with torch.no_grad():
+            posed = self._image_solver.pose(frame.poses)
+            target = self._sight.look(index, posed, frame.camera)[1]
+            rgb, alpha = self._sight.draw(posed, target.camera)
+            turns = shading.turns(posed)
+            known = (shading.trusts * (turns @ shading.light)).cpu().numpy()
+        seen = self._renderer.visibility(posed, target.camera)
+        drawn, shown = (
+            _blurred(image, config.blur_px)
+            for image in (ImageOnBlack(rgb=rgb, alpha=alpha), target.image)
+        )
+        covered = np.minimum(drawn[..., 3], shown[..., 3]) > config.least_covered
+        bright = [image[..., :3].mean(axis=-1).clip(config.darkest) for image in (drawn, shown)]
+        hues = [
+            image[..., :3] / image[..., :3].sum(axis=-1, keepdims=True).clip(1e-6)
+            for image in (drawn, shown)
+        ]
+        covered &= np.abs(hues[0] - hues[1]).sum(axis=-1) < config.most_hue
+        log_ratios = np.log(bright[1] / bright[0])
+        is_usable = inside_mask(covered, seen.centres_px)
+        is_usable &= seen.visible_shares > config.least_visible
+        is_usable &= shading.trusts.cpu().numpy() > config.least_flat
+        ratios = values_at(log_ratios, seen.centres_px[is_usable], outside=np.nan)
+        # Drawn in the light that is known so far: what it did is added again.
+        return LightSamples(
+            turns=turns.cpu().numpy()[is_usable].astype(np.float64),
+            log_ratios=ratios.astype(np.float64) + known[is_usable],
+        )
+
+
+def _blurred(image: ImageOnBlack, sigma_px: float) -> np.ndarray:
+    """Return color and coverage after a blur, shape (H, W, 4)."""
+    import cv2
+
+    planes = torch.cat([image.rgb, image.alpha[..., None]], dim=-1)
+    return cv2.GaussianBlur(planes.cpu().numpy(), (0, 0), sigma_px)
