@@ -9,7 +9,7 @@ import torch
 from animator.deform.image_difference import ImageOnBlack
 from animator.deform.image_solver import ImageSolver
 from animator.deform.light_fit import LightFit, LightSamples
-from animator.match.sampling import inside_mask, values_at
+from animator.match.sampling import values_at
 from animator.render.protocol import Renderer
 from animator.sequence.sight import Sight
 from animator.sequence.solved_frame import SolvedFrame
@@ -79,32 +79,41 @@ class LightStage:
             turns = shading.turns(posed)
             known = (shading.trusts * (turns @ shading.light)).cpu().numpy()
         seen = self._renderer.visibility(posed, target.camera)
-        drawn, shown = (
-            _blurred(image, config.blur_px)
-            for image in (ImageOnBlack(rgb=rgb, alpha=alpha), target.image)
-        )
-        covered = np.minimum(drawn[..., 3], shown[..., 3]) > config.least_covered
-        bright = [image[..., :3].mean(axis=-1).clip(config.darkest) for image in (drawn, shown)]
-        hues = [
-            image[..., :3] / image[..., :3].sum(axis=-1, keepdims=True).clip(1e-6)
-            for image in (drawn, shown)
-        ]
-        covered &= np.abs(hues[0] - hues[1]).sum(axis=-1) < config.most_hue
-        log_ratios = np.log(bright[1] / bright[0])
-        is_usable = inside_mask(covered, seen.centres_px)
-        is_usable &= seen.visible_shares > config.least_visible
-        is_usable &= shading.trusts.cpu().numpy() > config.least_flat
-        ratios = values_at(log_ratios, seen.centres_px[is_usable], outside=np.nan)
+        ratios = _log_ratios(ImageOnBlack(rgb=rgb, alpha=alpha), target.image, config)
         # Drawn in the light that is known so far: what it did is added again.
+        log_ratios = values_at(ratios, seen.centres_px, outside=np.nan).astype(np.float64) + known
+        is_usable = np.isfinite(log_ratios) & (seen.visible_shares > config.least_visible)
+        is_usable &= shading.trusts.cpu().numpy() > config.least_flat
         return LightSamples(
             turns=turns.cpu().numpy()[is_usable].astype(np.float64),
-            log_ratios=ratios.astype(np.float64) + known[is_usable],
+            log_ratios=log_ratios[is_usable],
         )
 
 
-def _blurred(image: ImageOnBlack, sigma_px: float) -> np.ndarray:
-    """Return color and coverage after a blur, shape (H, W, 4)."""
+def _log_ratios(drawn: ImageOnBlack, shown: ImageOnBlack, config: LightStageConfig) -> np.ndarray:
+    """Compare the brightness of a frame with what is drawn.
+
+    Returns:
+        Natural logarithms, NaN at edges and where another surface is seen, shape (H, W).
+    """
+    drawn_rgb, drawn_alpha = _blurred(drawn, config.blur_px)
+    shown_rgb, shown_alpha = _blurred(shown, config.blur_px)
+    hue_change = np.abs(_proportions(shown_rgb) - _proportions(drawn_rgb)).sum(axis=-1)
+    is_same = np.minimum(drawn_alpha, shown_alpha) > config.least_covered
+    is_same &= hue_change < config.most_hue
+    brightness = [rgb.mean(axis=-1).clip(config.darkest) for rgb in (drawn_rgb, shown_rgb)]
+    return np.where(is_same, np.log(brightness[1] / brightness[0]), np.nan)
+
+
+def _blurred(image: ImageOnBlack, sigma_px: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return color, shape (H, W, 3), and coverage, shape (H, W), after a blur."""
     import cv2
 
     planes = torch.cat([image.rgb, image.alpha[..., None]], dim=-1)
-    return cv2.GaussianBlur(planes.cpu().numpy(), (0, 0), sigma_px)
+    blurred = cv2.GaussianBlur(planes.cpu().numpy(), (0, 0), sigma_px)
+    return blurred[..., :3], blurred[..., 3]
+
+
+def _proportions(rgb: np.ndarray) -> np.ndarray:
+    """Return each color's channels as shares of their sum."""
+    return rgb / rgb.sum(axis=-1, keepdims=True).clip(1e-6)
