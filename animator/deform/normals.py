@@ -10,6 +10,8 @@ _FLAT = 0.05
 """Share of the neighborhood's variance across the surface, up to which it is one."""
 _ROUND = 0.15
 """... from which it is none: a lump, or a thin stick."""
+_AT_ONCE = 65536
+"""Gaussians whose neighbors are held in memory together."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -35,11 +37,18 @@ def surface_normals(means: np.ndarray) -> SurfaceNormals:
     if count < 4:
         upward = np.tile([0.0, 1.0, 0.0], (len(points), 1))
         return SurfaceNormals(directions=upward, trusts=np.zeros(len(points)))
-    near = points[KDTree(points).query(points, k=count)[1]]
-    arms = near - near.mean(axis=1, keepdims=True)
-    variances, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", arms, arms))
-    across = variances[:, 0] / np.maximum(variances.sum(axis=1), 1e-30)
+    tree = KDTree(points)
+    parts = [points[start : start + _AT_ONCE] for start in range(0, len(points), _AT_ONCE)]
+    found = [_principal_axes(points[tree.query(part, k=count)[1]]) for part in parts]
+    across = np.concatenate([shares for _, shares in found])
     return SurfaceNormals(
-        directions=axes[:, :, 0],
+        directions=np.concatenate([directions for directions, _ in found]),
         trusts=np.clip((_ROUND - across) / (_ROUND - _FLAT), 0.0, 1.0),
     )
+
+
+def _principal_axes(neighborhoods: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the axis of least variance of M sets of points, shape (M, 3), and its share of the variance, (M,)."""
+    arms = neighborhoods - neighborhoods.mean(axis=1, keepdims=True)
+    variances, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", arms, arms))
+    return axes[:, :, 0], variances[:, 0] / np.maximum(variances.sum(axis=1), 1e-30)

@@ -1,6 +1,8 @@
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
+from animator.deform import normals as module
 from animator.deform.normals import surface_normals
 
 
@@ -25,3 +27,12 @@ def test_three_points_are_no_surface():
     normals = surface_normals(np.eye(3))
     assert (normals.trusts == 0.0).all()
     np.testing.assert_allclose(np.linalg.norm(normals.directions, axis=1), 1.0)
+
+
+def test_however_many_at_once_they_are_the_same(monkeypatch: pytest.MonkeyPatch):
+    points = np.random.default_rng(0).standard_normal((500, 3))
+    together = surface_normals(points)
+    monkeypatch.setattr(module, "_AT_ONCE", 64)
+    apart = surface_normals(points)
+    np.testing.assert_array_equal(apart.trusts, together.trusts)
+    np.testing.assert_array_equal(apart.directions, together.directions)
