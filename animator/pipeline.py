@@ -1,6 +1,7 @@
 """The whole method, one line a stage: read this file first.
 
-scene -> camera -> anchors -> frame-by-frame tracking -> second look -> steadying -> in-betweens -> clip
+scene -> camera -> anchors -> frame-by-frame tracking -> second look -> free joints -> steadying -> in-betweens
+-> clip
 """
 
 import dataclasses

@@ -15,10 +15,10 @@ non-convexity, Blake and Zisserman 1987)."""
 class LightSamples:
     """One frame, at M visible Gaussians."""
 
-    turns: np.ndarray
-    """How their normals have changed since rest, shape (M, 3)."""
+    normal_changes: np.ndarray
+    """Outer normals now less those at rest, in world axes, shape (M, 3)."""
     log_ratios: np.ndarray
-    """Logarithms of the frame's brightness over that at rest, shape (M,)."""
+    """Natural logarithms of the frame's brightness over that at rest, shape (M,)."""
 
 
 class LightFit:
@@ -31,8 +31,8 @@ class LightFit:
         """Start with no light.
 
         Args:
-            spread: Standard deviation of the light that is expected.
-            noise: Residual from which a sample counts for a quarter: a wrong place, or another color.
+            spread: Standard deviation of the light that is expected [natural logarithm of color].
+            noise: Residual at which a sample counts for a quarter, likewise: a wrong place, or another color.
             alike: Samples that err together, and so count as one.
         """
         self._prior = np.eye(3) * alike * (noise / spread) ** 2
@@ -40,21 +40,21 @@ class LightFit:
         self._matrix = np.zeros((3, 3))
         self._vector = np.zeros(3)
         self.light = np.zeros(3)
-        """The estimate so far, shape (3,)."""
+        """The estimate so far: a world direction, times how much it brightens, shape (3,)."""
 
     def add(self, samples: LightSamples) -> None:
         """Take another frame into account."""
-        turns, log_ratios = samples.turns, samples.log_ratios
-        if len(turns) == 0:
+        changes, log_ratios = samples.normal_changes, samples.log_ratios
+        if len(changes) == 0:
             return
-        exposure = float(np.median(log_ratios - turns @ self.light))
+        exposure = float(np.median(log_ratios - changes @ self.light))
         matrix, vector = self._matrix, self._vector
         for norm in self._norms:
-            weights = norm.weight((log_ratios - turns @ self.light - exposure) ** 2)
+            weights = norm.weight((log_ratios - changes @ self.light - exposure) ** 2)
             total = max(float(weights.sum()), 1e-12)
-            middle = weights @ turns / total
-            arms = (turns - middle) * weights[:, None]
-            matrix = self._matrix + arms.T @ turns
+            middle = weights @ changes / total
+            arms = (changes - middle) * weights[:, None]
+            matrix = self._matrix + arms.T @ changes
             vector = self._vector + arms.T @ log_ratios
             self.light = np.linalg.solve(matrix + self._prior, vector)
             exposure = float(weights @ log_ratios / total - middle @ self.light)

@@ -9,9 +9,9 @@ _NEIGHBORS = 24
 _FLAT = 0.05
 """Share of the neighborhood's variance across the surface, up to which it is one."""
 _ROUND = 0.15
-"""... from which it is none: a lump, or a thin stick."""
-_AT_ONCE = 65536
-"""Gaussians whose neighbors are held in memory together."""
+"""... from which it is none, but a lump."""
+_CHUNK = 65_536
+"""Gaussians whose neighbors are looked up at a time, to save memory."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
@@ -31,6 +31,9 @@ def surface_normals(means: np.ndarray) -> SurfaceNormals:
 
     Args:
         means: Rest centres [scene unit], shape (N, 3).
+
+    Returns:
+        A normal and the trust in it for each; no trust in any where there are fewer than four.
     """
     points = np.asarray(means, np.float64)
     count = min(_NEIGHBORS, len(points))
@@ -38,7 +41,7 @@ def surface_normals(means: np.ndarray) -> SurfaceNormals:
         upward = np.tile([0.0, 1.0, 0.0], (len(points), 1))
         return SurfaceNormals(directions=upward, trusts=np.zeros(len(points)))
     tree = KDTree(points)
-    parts = [points[start : start + _AT_ONCE] for start in range(0, len(points), _AT_ONCE)]
+    parts = [points[start : start + _CHUNK] for start in range(0, len(points), _CHUNK)]
     found = [_principal_axes(points[tree.query(part, k=count)[1]]) for part in parts]
     across = np.concatenate([shares for _, shares in found])
     return SurfaceNormals(

@@ -1,8 +1,9 @@
 """How the object's surface brightens and darkens as it turns under a light that stays where it is.
 
 A captured splat has its light baked in: each Gaussian's color is right for the way its surface faced at capture. Under
-a light from one side and a sky from all, what a surface gets depends on its normal n alone, and to first order
-(Ramamoorthi and Hanrahan 2001, spherical harmonics up to degree 1) the logarithm of its color changes by
+a light from one side and a sky from all, what a surface gets depends on its normal n alone, and smoothly: spherical
+harmonics up to degree 2 hold nearly all of it (Ramamoorthi and Hanrahan 2001). Here up to degree 1, and of the
+logarithm of the color, which changes by
 
     l . (R n - n)
 
@@ -34,27 +35,32 @@ class Shading:
         """How far a Gaussian has a normal at all, 0 to 1, shape (N,)."""
         self._sides = torch.ones_like(self.trusts)[:, None]
         self.light = gaussians.means.new_zeros(3)
-        """Direction that brightens, times how much; natural logarithms of color, shape (3,)."""
+        """World direction that brightens, times how much [natural logarithm of color]; 0 if not known, shape (3,)."""
 
     def look(self, posed: Gaussians, camera: Camera) -> None:
-        """Take the side of each surface that faces the camera for the outer one: what faces away is not seen."""
+        """Take the side of each surface that faces the camera for the outer one: what faces away is not seen.
+
+        Args:
+            posed: The Gaussians in a pose near the ones that are asked about next.
+            camera: Sees them.
+        """
         with torch.no_grad():
             position = torch.as_tensor(camera.position).to(posed.means)
             facing = (self._turned(posed) * (posed.means - position)).sum(dim=1, keepdim=True)
             self._sides = torch.where(facing > 0, -1.0, 1.0)
 
-    def turns(self, posed: Gaussians) -> torch.Tensor:
-        """Return how the outer normals have changed, R n - n, shape (N, 3)."""
+    def normal_changes(self, posed: Gaussians) -> torch.Tensor:
+        """Return how the outer normals have changed since rest, R n - n, in world axes, shape (N, 3)."""
         return (self._turned(posed) - self._normals) * self._sides
 
-    def gains(self, posed: Gaussians) -> torch.Tensor | None:
-        """Return what colors are multiplied by in a pose, differentiable in its rotations, shape (N, 1).
+    def log_gains(self, posed: Gaussians) -> torch.Tensor | None:
+        """Return the natural logarithms of what colors are multiplied by in a pose, shape (N,).
 
-        None stands for ones: nothing is known of the light.
+        Differentiable in the rotations. None stands for zeros: nothing is known of the light.
         """
         if not self.light.any():
             return None
-        return (self.trusts * (self.turns(posed) @ self.light)).exp()[:, None]
+        return self.trusts * (self.normal_changes(posed) @ self.light)
 
     def _turned(self, posed: Gaussians) -> torch.Tensor:
         return quaternions.rotate(posed.quats_wxyz, self._normals_in_gaussian)

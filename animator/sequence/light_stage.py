@@ -50,7 +50,6 @@ class LightStage:
         self._sight = sight
         self._config = config
         self._fit: LightFit | None = None
-        self.learn_afresh(())
 
     def learn_afresh(self, solved: Sequence[SolvedFrame]) -> None:
         """Forget the light, and learn it from some frames in order, the first of the clip first."""
@@ -58,7 +57,7 @@ class LightStage:
         if config.spread == 0.0:
             return
         self._fit = LightFit(spread=config.spread, noise=config.noise, alike=config.alike)
-        self._sight.shading.light.zero_()
+        self._light_up()
         for index, frame in enumerate(solved):
             self.learn(index, frame)
 
@@ -67,8 +66,13 @@ class LightStage:
         if self._fit is None or frame.is_held:
             return
         self._fit.add(self._samples(index, frame))
-        light = self._sight.shading.light
-        light.copy_(torch.from_numpy(self._fit.light))
+        self._light_up()
+
+    def _light_up(self) -> None:
+        """Show the sight the light that is known by now."""
+        assert self._fit is not None
+        shading = self._sight.shading
+        shading.light = torch.from_numpy(self._fit.light).to(shading.trusts)
 
     def _samples(self, index: int, frame: SolvedFrame) -> LightSamples:
         config, shading = self._config, self._sight.shading
@@ -76,16 +80,17 @@ class LightStage:
             posed = self._image_solver.pose(frame.poses)
             target = self._sight.look(index, posed, frame.camera)[1]
             rgb, alpha = self._sight.draw(posed, target.camera)
-            turns = shading.turns(posed)
-            known = (shading.trusts * (turns @ shading.light)).cpu().numpy()
+            normal_changes = shading.normal_changes(posed)
+            known = shading.log_gains(posed)
         seen = self._renderer.visibility(posed, target.camera)
         ratios = _log_ratios(ImageOnBlack(rgb=rgb, alpha=alpha), target.image, config)
-        # Drawn in the light that is known so far: what it did is added again.
-        log_ratios = values_at(ratios, seen.centres_px, outside=np.nan).astype(np.float64) + known
+        log_ratios = values_at(ratios, seen.centres_px, outside=np.nan).astype(np.float64)
+        if known is not None:  # It was drawn in that light: what it did is added again.
+            log_ratios += known.cpu().numpy()
         is_usable = np.isfinite(log_ratios) & (seen.visible_shares > config.least_visible)
         is_usable &= shading.trusts.cpu().numpy() > config.least_flat
         return LightSamples(
-            turns=turns.cpu().numpy()[is_usable].astype(np.float64),
+            normal_changes=normal_changes.cpu().numpy()[is_usable].astype(np.float64),
             log_ratios=log_ratios[is_usable],
         )
 

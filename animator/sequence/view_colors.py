@@ -19,7 +19,7 @@ class ViewColors:
     def __init__(self, shading: Shading | None = None) -> None:
         self._shading = shading
         self._of_view: torch.Tensor | None = None
-        self._as_seen: torch.Tensor | None = None
+        self._seen: Gaussians | None = None
 
     def look(self, gaussians: Gaussians, camera: Camera) -> None:
         """Evaluate the colors of a pose for a camera."""
@@ -31,22 +31,24 @@ class ViewColors:
                 self._of_view = _coefficients(colors)
             if self._shading is not None:
                 self._shading.look(gaussians, camera)
-            self._as_seen = self.paint(gaussians).sh_coeffs
+        self._seen = gaussians
 
     def paint(self, gaussians: Gaussians) -> Gaussians:
         """Return a pose in the colors of the last `look`, in the light that falls on it now."""
         if self._of_view is not None:
             gaussians = dataclasses.replace(gaussians, sh_coeffs=self._of_view)
-        gains = None if self._shading is None else self._shading.gains(gaussians)
-        if gains is None:
+        log_gains = None if self._shading is None else self._shading.log_gains(gaussians)
+        if log_gains is None:
             return gaussians
-        return dataclasses.replace(gaussians, sh_coeffs=_coefficients(_colors(gaussians) * gains))
+        colors = _colors(gaussians) * log_gains.exp()[:, None]
+        return dataclasses.replace(gaussians, sh_coeffs=_coefficients(colors))
 
     def paint_as_seen(self, gaussians: Gaussians) -> Gaussians:
         """Return a pose in the colors of the one that was looked at last."""
-        if self._as_seen is None:
+        if self._seen is None:
             return gaussians
-        return dataclasses.replace(gaussians, sh_coeffs=self._as_seen)
+        with torch.no_grad():
+            return dataclasses.replace(gaussians, sh_coeffs=self.paint(self._seen).sh_coeffs)
 
     def base_colors(self, gaussians: Gaussians) -> torch.Tensor:
         """Return one color a Gaussian, as `paint` would have it, shape (N, 3)."""

@@ -11,10 +11,10 @@ def samples(
 ) -> LightSamples:
     """Normals that have turned by up to a right angle, a fifth of them wrong."""
     rng = np.random.default_rng(seed)
-    turns = rng.standard_normal((count, 3)) * 0.5 + [0.3, 0.4, 0.0]
-    log_ratios = turns @ light + exposure + 0.01 * rng.standard_normal(count)
+    normal_changes = rng.standard_normal((count, 3)) * 0.5 + [0.3, 0.4, 0.0]
+    log_ratios = normal_changes @ light + exposure + 0.01 * rng.standard_normal(count)
     log_ratios[: count // 5] += rng.uniform(0.2, 0.6, count // 5)
-    return LightSamples(turns=turns, log_ratios=log_ratios)
+    return LightSamples(normal_changes=normal_changes, log_ratios=log_ratios)
 
 
 def fit() -> LightFit:
@@ -49,6 +49,8 @@ def test_what_has_not_turned_shows_no_light(count):
     rng = np.random.default_rng(0)
     estimate = fit()
     estimate.add(
-        LightSamples(turns=np.zeros((count, 3)), log_ratios=0.1 * rng.standard_normal(count))
+        LightSamples(
+            normal_changes=np.zeros((count, 3)), log_ratios=0.1 * rng.standard_normal(count)
+        )
     )
     assert not estimate.light.any()

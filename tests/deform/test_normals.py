@@ -32,7 +32,7 @@ def test_three_points_are_no_surface():
 def test_however_many_at_once_they_are_the_same(monkeypatch: pytest.MonkeyPatch):
     points = np.random.default_rng(0).standard_normal((500, 3))
     together = surface_normals(points)
-    monkeypatch.setattr(module, "_AT_ONCE", 64)
+    monkeypatch.setattr(module, "_CHUNK", 64)
     apart = surface_normals(points)
     np.testing.assert_array_equal(apart.trusts, together.trusts)
     np.testing.assert_array_equal(apart.directions, together.directions)

@@ -29,39 +29,51 @@ def turned(gaussians: Gaussians, turn: Rotation) -> Gaussians:
 
 def test_colors_change_with_the_outer_normal(sphere):
     shading = Shading(sphere)
-    shading.light.copy_(LIGHT)
+    shading.light = LIGHT
     posed = turned(sphere, Rotation.from_euler("xy", [30, 40], degrees=True))
     shading.look(posed, CAMERA)
-    gains = shading.gains(posed)
-    assert gains is not None
+    log_gains = shading.log_gains(posed)
+    assert log_gains is not None
     # The normals of a unit sphere are its points; what faces the camera is lit from outside.
     to_camera = torch.as_tensor(CAMERA.position, dtype=torch.float32) - posed.means
     faces = (posed.means * to_camera).sum(dim=1) > 0.3
-    expected = ((posed.means - sphere.means) @ LIGHT).exp()
-    torch.testing.assert_close(gains[faces, 0], expected[faces], rtol=0.03, atol=0.0)
+    expected = (posed.means - sphere.means) @ LIGHT
+    torch.testing.assert_close(log_gains[faces], expected[faces], rtol=0.0, atol=0.03)
 
 
 def test_without_a_light_nothing_is_said(sphere):
-    assert Shading(sphere).gains(sphere) is None
+    assert Shading(sphere).log_gains(sphere) is None
+
+
+def test_what_has_no_surface_keeps_its_color():
+    lump = gaussians_at(np.random.default_rng(0).standard_normal((300, 3)))
+    shading = Shading(lump)
+    shading.light = LIGHT
+    posed = turned(lump, Rotation.from_euler("y", 60, degrees=True))
+    shading.look(posed, CAMERA)
+    log_gains = shading.log_gains(posed)
+    assert log_gains is not None
+    assert float(shading.normal_changes(posed).norm(dim=1).median()) > 0.5
+    assert float(log_gains.abs().median()) == 0.0
 
 
 def test_at_rest_and_shifted_nothing_changes(sphere):
     shading = Shading(sphere)
-    shading.light.copy_(LIGHT)
+    shading.light = LIGHT
     shifted = sphere.posed(sphere.means + 5.0, sphere.quats_wxyz)
     shading.look(shifted, CAMERA)
-    gains = shading.gains(shifted)
-    assert gains is not None
-    torch.testing.assert_close(gains, torch.ones_like(gains))
+    log_gains = shading.log_gains(shifted)
+    assert log_gains is not None
+    torch.testing.assert_close(log_gains, torch.zeros_like(log_gains))
 
 
 def test_brightness_has_a_slope_in_the_rotation(sphere):
     shading = Shading(sphere)
-    shading.light.copy_(LIGHT)
+    shading.light = LIGHT
     shading.look(sphere, CAMERA)
     quats = sphere.quats_wxyz.clone().requires_grad_()
-    gains = shading.gains(sphere.posed(sphere.means, quats))
-    assert gains is not None
-    gains.sum().backward()
+    log_gains = shading.log_gains(sphere.posed(sphere.means, quats))
+    assert log_gains is not None
+    log_gains.sum().backward()
     assert quats.grad is not None
     assert float(quats.grad.abs().max()) > 0.01
