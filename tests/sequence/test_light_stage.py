@@ -8,12 +8,14 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from animator.deform.anchors import build_anchors
+from animator.deform.pace import PaceConfig
 from animator.match.flow import FlowMatcher
 from animator.render.cpu import CpuRenderer
 from animator.render.spherical_harmonics import SH_C0
 from animator.sequence.clip_problem import ClipProblem
 from animator.sequence.driver import Driver, DriverConfig
 from animator.sequence.light_stage import LightStageConfig
+from animator.sequence.loosening import LooseningConfig, loosened
 from animator.sequence.solved_frame import SolvedFrame
 from animator.types import Gaussians
 from tests.helpers.moved_box import rigid
@@ -79,6 +81,24 @@ def test_the_light_is_found_and_explains_the_frame(box):
     # What turns about the vertical axis does not show how much light comes from above.
     np.testing.assert_allclose(light, LIGHT, atol=0.1)
     assert driver.image_loss(1, frames[1]) < 0.5 * without
+
+
+def test_what_is_drawn_in_the_light_already_does_not_unlearn_it(box):
+    driver, frames = solved(box, LightStageConfig(alike=1.0))
+    driver.light_stage.learn_afresh(frames)
+    once = driver._sight.shading.light.clone()
+    driver.light_stage.learn(1, frames[1])
+    torch.testing.assert_close(driver._sight.shading.light, once, rtol=0.0, atol=0.03)
+
+
+def test_it_is_learned_on_the_way_and_again_before_the_last_solve(box):
+    driver, frames = solved(box, LightStageConfig())
+    list(driver.run(frames[:1]))
+    assert driver._sight.shading.light.any()
+    driver.light_stage.learn_afresh(())
+    assert not driver._sight.shading.light.any()
+    loosened(frames, driver, LooseningConfig(pace=PaceConfig(most_steps=2)))
+    assert driver._sight.shading.light.any()
 
 
 def test_learning_again_forgets_what_was_learned(box):
