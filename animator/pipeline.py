@@ -1,7 +1,7 @@
 """The whole method, one line a stage: read this file first.
 
-scene -> camera -> anchors -> frame-by-frame tracking -> second look -> free joints -> steadying -> in-betweens
--> clip
+scene -> camera -> anchors -> frame-by-frame tracking -> second look -> smooth motion or free joints -> steadying
+-> in-betweens -> clip
 """
 
 import dataclasses
@@ -23,6 +23,7 @@ from animator.sequence.driver import Driver, DriverConfig
 from animator.sequence.interpolation import InterpolationConfig, interpolate
 from animator.sequence.loosening import LooseningConfig, loosened
 from animator.sequence.second_look import SecondLookConfig, looked_at_again
+from animator.sequence.smooth_motion import SmoothMotionConfig, solved_smoothly
 from animator.sequence.solved_frame import SolvedFrame
 from animator.sequence.steadying import SteadyingConfig, steadied
 from animator.threads import same_bytes_on_any_threads
@@ -57,6 +58,7 @@ class FitConfig:
     """Seed of every random choice."""
     driver: DriverConfig = dataclasses.field(default_factory=DriverConfig)
     second_look: SecondLookConfig = dataclasses.field(default_factory=SecondLookConfig)
+    smooth_motion: SmoothMotionConfig = dataclasses.field(default_factory=SmoothMotionConfig)
     loosening: LooseningConfig = dataclasses.field(default_factory=LooseningConfig)
     steadying: SteadyingConfig = dataclasses.field(default_factory=SteadyingConfig)
     interpolation: InterpolationConfig = dataclasses.field(default_factory=InterpolationConfig)
@@ -116,7 +118,9 @@ def fit(
     driver = Driver(problem, config.driver)
     solved = _track(driver, resume_from, on_frame)
     solved = looked_at_again(solved, driver, config.second_look)
-    solved = loosened(solved, driver, config.loosening)
+    solved = solved_smoothly(solved, driver, config.smooth_motion, config.loosening) or loosened(
+        solved, driver, config.loosening
+    )
     solved = steadied(solved, driver, config.steadying)
     groups = groups_of_anchors(solved[-1].groups, gaussians, anchors)
     keys = _keys(solved, scene, anchors, groups, labels.fps, config)

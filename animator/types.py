@@ -175,6 +175,14 @@ class GaussianMatches:
     def __len__(self) -> int:
         return len(self.gaussian_ids)
 
+    def take(self, which: np.ndarray) -> "GaussianMatches":
+        """Return some of them: indices, or a boolean of shape (M,)."""
+        return GaussianMatches(
+            gaussian_ids=self.gaussian_ids[which],
+            target_px=self.target_px[which],
+            confidences=self.confidences[which],
+        )
+
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class GaussianDepths:

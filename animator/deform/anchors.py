@@ -11,6 +11,7 @@ import torch
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import KDTree
+from scipy.spatial.distance import cdist
 
 from animator.types import SOLID_OPACITY, Anchors, Gaussians
 
@@ -69,6 +70,12 @@ def distances_between(anchors: Anchors) -> np.ndarray:
     lengths = np.linalg.norm(places[first] - places[second], axis=1)
     graph = coo_matrix((lengths, (first, second)), (len(places), len(places)))
     return np.asarray(dijkstra(graph.tocsr(), directed=False))
+
+
+def distances_in_space(anchors: Anchors) -> np.ndarray:
+    """Measure how far the anchors are from each other straight through space [scene unit], shape (A, A)."""
+    places = anchors.positions.detach().cpu().numpy().astype(np.float64)
+    return cdist(places, places)
 
 
 def _voxel_means(

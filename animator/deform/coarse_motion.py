@@ -14,7 +14,6 @@ import numpy as np
 import torch
 
 from animator import quaternions
-from animator.deform.anchors import distances_between
 from animator.types import Anchors, Camera
 
 
@@ -35,8 +34,25 @@ class CoarseConfig:
 class NodeLevel:
     """Some nodes, and how far each anchor follows each of them: constant over a clip."""
 
-    def __init__(self, anchors: Anchors, count: int, diagonal: float, config: CoarseConfig) -> None:
-        self._shares = _shares_of_nodes(anchors, count).to(anchors.positions)
+    def __init__(
+        self,
+        anchors: Anchors,
+        distances: np.ndarray,
+        count: int,
+        diagonal: float,
+        config: CoarseConfig,
+    ) -> None:
+        """Place nodes.
+
+        Args:
+            anchors: What they move.
+            distances: How far the anchors are from each other, along the object or through space [scene unit],
+                shape (A, A).
+            count: Number of nodes.
+            diagonal: The object's diagonal [scene unit].
+            config: How fast they move.
+        """
+        self._shares = _shares_of_nodes(distances, count).to(anchors.positions)
         self._diagonal = diagonal
         self._config = config
 
@@ -101,22 +117,20 @@ class NodeMotion:
         )
 
 
-def _shares_of_nodes(anchors: Anchors, count: int) -> torch.Tensor:
-    """Spread nodes evenly along the object and share the anchors among them, shape (A, K).
+def _shares_of_nodes(distances: np.ndarray, count: int) -> torch.Tensor:
+    """Spread nodes evenly over the object and share the anchors among them, shape (A, K).
 
-    A share falls with the distance d along the anchor graph as exp(-d^2 / 2 h^2), h half the distance of
-    neighboring nodes.
+    A share falls with the distance d as exp(-d^2 / 2 h^2), h half the distance of neighboring nodes.
     """
-    along = distances_between(anchors)
-    nodes = [int(along.sum(axis=1).argmin())]
-    while len(nodes) < min(count, len(anchors)):
-        nodes.append(int(along[nodes].min(axis=0).argmax()))
+    nodes = [int(distances.sum(axis=1).argmin())]
+    while len(nodes) < min(count, len(distances)):
+        nodes.append(int(distances[nodes].min(axis=0).argmax()))
     if len(nodes) == 1:
-        return torch.ones(len(anchors), 1)
-    between = along[np.ix_(nodes, nodes)] + np.diag(np.full(len(nodes), np.inf))
+        return torch.ones(len(distances), 1)
+    between = distances[np.ix_(nodes, nodes)] + np.diag(np.full(len(nodes), np.inf))
     reach = 0.5 * np.median(between.min(axis=1))
-    distances = along[:, nodes]
+    to_nodes = distances[:, nodes]
     # Relative to the nearest node, so that an anchor far from all of them keeps finite shares.
-    nearest = distances.min(axis=1, keepdims=True)
-    shares = np.exp((nearest**2 - distances**2) / (2 * max(reach, 1e-12) ** 2))
+    nearest = to_nodes.min(axis=1, keepdims=True)
+    shares = np.exp((nearest**2 - to_nodes**2) / (2 * max(reach, 1e-12) ** 2))
     return torch.as_tensor(shares / shares.sum(axis=1, keepdims=True))

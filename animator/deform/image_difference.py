@@ -38,6 +38,10 @@ class ImageOnBlack:
     alpha: torch.Tensor
     """Coverage 0..1, shape (H, W)."""
 
+    def where(self, counted: torch.Tensor) -> "ImageOnBlack":
+        """Return the image with black in the pixels that do not count; 1 or 0 each, shape (H, W)."""
+        return ImageOnBlack(rgb=self.rgb * counted[..., None], alpha=self.alpha * counted)
+
     @functools.cached_property
     def area_px(self) -> float:
         """Area of the silhouette [px], at least 1."""

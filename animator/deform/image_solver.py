@@ -14,6 +14,7 @@ import torch
 
 from animator import quaternions
 from animator.deform import losses
+from animator.deform.anchors import distances_between
 from animator.deform.coarse_motion import CoarseConfig, NodeLevel, NodeMotion
 from animator.deform.frame_target import FrameTarget
 from animator.deform.image_difference import ImageOnBlack, ImageWeights, image_difference
@@ -110,8 +111,9 @@ class ImageSolver:
         )
         self._skinner = Skinner(anchors, gaussians.means, gaussians.quats_wxyz)
         self._smoother = _laplacian_smoother(anchors, config.smoothing)
+        along = distances_between(anchors)
         self._levels = [
-            NodeLevel(anchors, count, self._diagonal, config.coarse)
+            NodeLevel(anchors, along, count, self._diagonal, config.coarse)
             for count in config.coarse.nodes
         ]
 
@@ -137,12 +139,19 @@ class ImageSolver:
         self, posed: Gaussians, target: FrameTarget, weights: ImageWeights
     ) -> torch.Tensor:
         rgb, alpha = self._draw(posed, target.camera)
-        return image_difference(ImageOnBlack(rgb=rgb, alpha=alpha), target.image, weights)
+        drawn = ImageOnBlack(rgb=rgb, alpha=alpha)
+        if target.counted is not None:
+            drawn = drawn.where(target.counted)
+        return image_difference(drawn, target.image, weights)
 
     def energy(self, poses: AnchorPoses, target: FrameTarget, previous: AnchorPoses) -> float:
         """Evaluate what `solve` minimizes, without rigid groups."""
         with torch.no_grad():
-            return float(self._total_loss(target, poses, self.pose(poses), previous, None))
+            return float(self.loss(poses, target, previous))
+
+    def loss(self, poses: AnchorPoses, target: FrameTarget, previous: AnchorPoses) -> torch.Tensor:
+        """Return what `solve` minimizes, without rigid groups, differentiable in the poses."""
+        return self._total_loss(target, poses, self.pose(poses), previous, None)
 
     def solve(
         self,

@@ -14,6 +14,7 @@ from animator.sequence.limb_search import LimbSearchConfig
 from animator.sequence.loosening import LooseningConfig
 from animator.sequence.rigid_body import RigidBodyConfig
 from animator.sequence.second_look import SecondLookConfig
+from animator.sequence.smooth_motion import SmoothMotionConfig
 from animator.sequence.smoothing import SmoothingConfig
 from animator.sequence.steadying import SteadyingConfig
 
@@ -55,6 +56,7 @@ def _rgb_and_arap(config: FitConfig) -> FitConfig:
             limb_search=LimbSearchConfig(most_swings=0),
         ),
         second_look=SecondLookConfig(every=0),
+        smooth_motion=SmoothMotionConfig(residual=0.0),
         loosening=LooseningConfig(every=0),
         steadying=SteadyingConfig(
             smoothing=SmoothingConfig(strength=0.0), rigid_body=RigidBodyConfig(residual=0.0)

@@ -3,8 +3,11 @@
 That is what poses from different origins are compared by, and solved again with.
 """
 
+import torch
+
 from animator.deform.frame_target import FrameTarget
 from animator.deform.image_solver import ImageSolver, ImageSolverConfig
+from animator.deform.smooth_field import SmoothField
 from animator.types import AnchorPoses
 
 
@@ -32,6 +35,17 @@ class BareSolver:
     ) -> AnchorPoses:
         """Run the image stage of a frame from a start, for so many steps at most."""
         return self._image_solver.solve(target, start, start, most_steps=most_steps)
+
+    def solve_smoothly(
+        self, field: SmoothField, target: FrameTarget, start: AnchorPoses
+    ) -> AnchorPoses:
+        """Find the pose of a smooth field that costs least, from near a start."""
+        return field.solve(self._image_solver, target, start)
+
+    def image_loss(self, target: FrameTarget, poses: AnchorPoses) -> float:
+        """Measure how badly a pose explains what a target shows."""
+        with torch.no_grad():
+            return float(self._image_solver.image_loss(self._image_solver.pose(poses), target))
 
     def is_clearly_better(
         self, target: FrameTarget, one: AnchorPoses, own: AnchorPoses, gain: float

@@ -9,7 +9,6 @@ import logging
 from collections.abc import Iterator
 
 import numpy as np
-import torch
 
 from animator.deform.frame_target import FrameTarget
 from animator.deform.image_solver import ImageSolver, ImageSolverConfig
@@ -242,11 +241,7 @@ class Driver:
 
     def image_loss(self, index: int, frame: SolvedFrame) -> float:
         """Measure how badly a solved pose explains its frame."""
-        target = self.target_of(index, frame)
-        with torch.no_grad():
-            return float(
-                self._image_solver.image_loss(self._image_solver.pose(frame.poses), target)
-            )
+        return self.bare_solver.image_loss(self.target_of(index, frame), frame.poses)
 
     def seen_shares(self, frame: SolvedFrame) -> np.ndarray:
         """Measure how much of what each anchor carries the camera sees, 0 to 1, shape (A,)."""

@@ -7,7 +7,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from animator.deform.anchors import build_anchors
+from animator.deform.anchors import build_anchors, distances_between
 from animator.deform.coarse_motion import CoarseConfig, NodeLevel
 from animator.deform.image_solver import ImageSolverConfig, LossWeights, project
 from animator.deform.pace import PaceConfig
@@ -27,7 +27,8 @@ def at_rest(anchors: Anchors) -> tuple[torch.Tensor, torch.Tensor]:
 
 
 def begun(anchors: Anchors, count: int):
-    motion = NodeLevel(anchors, count, 1.0, CoarseConfig()).begin(anchors.positions, CAMERA)
+    level = NodeLevel(anchors, distances_between(anchors), count, 1.0, CoarseConfig())
+    motion = level.begin(anchors.positions, CAMERA)
     (turns,), (shifts,), (dilations,) = (group["params"] for group in motion.unknowns)
     return motion, turns, shifts, dilations
 

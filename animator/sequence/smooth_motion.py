@@ -1,0 +1,146 @@
+"""A clip whose motion is smooth in space, as of a plant in the wind, is solved as such.
+
+With free joints (`loosening.py`) anchors explain more than the motion: where an image says little, each gets a depth
+of its own. Few nodes that share a motion with what is near say less, and right where the object moves like that. Which
+it is, the frames say: both are fitted to every other cell of some frames, and must tell what the cells between them
+show (cross-validation, Stone 1974).
+"""
+
+import dataclasses
+import logging
+from collections.abc import Sequence
+
+import numpy as np
+
+from animator.deform.image_solver import ImageSolverConfig
+from animator.deform.smooth_field import SmoothField, SmoothFieldConfig
+from animator.sequence.driver import Driver
+from animator.sequence.hidden_cells import halves
+from animator.sequence.loosening import LooseningConfig, loose
+from animator.sequence.rigid_body import RigidBodyConfig, as_rigid_body
+from animator.sequence.solved_frame import SolvedFrame, with_held_following
+from animator.sequence.stopwatch import Stopwatch
+
+logger = logging.getLogger(__name__)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class SmoothMotionConfig:
+    """When a motion is smooth, and how such a motion is solved."""
+
+    residual: float = 0.06
+    """Distance of the anchors from the nearest smooth pose, as a share of the motion, both RMS, above which
+    a motion is not smooth; 0 switches it off."""
+    worse: float = 1.05
+    """Times the loss in hidden cells with free joints, above which it is not smooth either."""
+    cells: float = 8.0
+    """Cells along the object's size."""
+    looks: tuple[float, ...] = (0.25, 0.5, 1.0)
+    """Which frames decide, as shares of the clip."""
+    arap: float = 2.0
+    """Times the weight of ARAP with free joints."""
+    rest: float = 3.0
+    """Times the weight of the pull to rest."""
+    rigid_body: RigidBodyConfig = dataclasses.field(default_factory=RigidBodyConfig)
+    """What is as good as rigid is left as it is: `steadying.py` makes one body of it."""
+    field: SmoothFieldConfig = dataclasses.field(default_factory=SmoothFieldConfig)
+
+
+def solved_smoothly(
+    solved: Sequence[SolvedFrame],
+    driver: Driver,
+    config: SmoothMotionConfig,
+    loosening: LooseningConfig,
+) -> list[SolvedFrame] | None:
+    """Solve the frames again by a motion that is smooth in space, if it is such a motion.
+
+    Args:
+        solved: The frames, limbs in place.
+        driver: What solved them.
+        config: When and how.
+        loosening: The other choice: free joints.
+
+    Returns:
+        The frames with other poses, what shows the rest pose with its own; None for any other motion.
+    """
+    moving = [
+        index
+        for index, frame in enumerate(solved)
+        if frame.stats.start != "rest" and not frame.is_held
+    ]
+    if not moving or config.residual == 0.0:
+        return None
+    anchors, diagonal = driver.problem.anchors, driver.problem.gaussians.diagonal
+    tracks = [frame.poses for frame in solved]
+    if as_rigid_body(tracks, anchors, diagonal, config.rigid_body) is not None:
+        return None
+    motion = _SmoothMotion(solved, driver, config, loosening)
+    deciding = sorted({moving[round(share * (len(moving) - 1))] for share in config.looks})
+    if any(motion.residual(index) > config.residual for index in deciding):
+        return None
+    driver.light_stage.learn_afresh(solved)
+    smoothly, freely = np.sum([motion.hidden_losses(index) for index in deciding], axis=0)
+    logger.debug("loss in hidden cells: %.4f smoothly, %.4f with free joints", smoothly, freely)
+    if smoothly > config.worse * freely:
+        return None
+    logger.info("The object moves smoothly, without joints; solving frames once more as such.")
+    frames = list(solved)
+    for index in moving:
+        frames[index] = motion.solve(index)
+    return with_held_following(frames)
+
+
+class _SmoothMotion:
+    """The frames, by a smooth motion and with free joints."""
+
+    def __init__(
+        self,
+        solved: Sequence[SolvedFrame],
+        driver: Driver,
+        config: SmoothMotionConfig,
+        loosening: LooseningConfig,
+    ) -> None:
+        self._solved = solved
+        self._driver = driver
+        self._config = config
+        problem = driver.problem
+        self._field = SmoothField(problem.anchors, problem.gaussians.diagonal, config.field)
+        free = loose(driver.bare_solver.config, loosening)
+        self._free_solver = driver.bare_solver.with_config(free)
+        self._solver = driver.bare_solver.with_config(_smooth(free, config))
+
+    def residual(self, index: int) -> float:
+        """Measure how far a frame's pose is from a smooth one, as a share of its motion."""
+        frame = self._solved[index]
+        shifts = frame.poses.translations
+        near = self._field.near(frame.poses, frame.camera).translations
+        return float((near - shifts).norm() / shifts.norm().clamp_min(1e-12))
+
+    def hidden_losses(self, index: int) -> tuple[float, float]:
+        """Tell how badly cells of a frame that were hidden are explained, smoothly and with free joints."""
+        start = self._solved[index].poses
+        smoothly = freely = 0.0
+        target = self._driver.matched_target_of(index, self._solved[index])
+        for shown, hidden in halves(target, self._config.cells):
+            smooth = self._solver.solve_smoothly(self._field, shown, start)
+            smoothly += self._solver.image_loss(hidden, smooth)
+            freely += self._free_solver.image_loss(hidden, self._free_solver.solve(shown, start))
+        return smoothly, freely
+
+    def solve(self, index: int) -> SolvedFrame:
+        """Solve a frame by a smooth motion."""
+        watch = Stopwatch()
+        frame = self._solved[index]
+        target = self._driver.matched_target_of(index, frame)
+        poses = self._solver.solve_smoothly(self._field, target, frame.poses)
+        watch.lap("smooth motion")
+        stats = dataclasses.replace(frame.stats, seconds={**frame.stats.seconds, **watch.seconds})
+        return dataclasses.replace(frame, poses=poses, stats=stats)
+
+
+def _smooth(free: ImageSolverConfig, config: SmoothMotionConfig) -> ImageSolverConfig:
+    """Return the configuration of a solver of smooth motions."""
+    weights = dataclasses.replace(
+        free.weights, arap=config.arap * free.weights.arap, rest=config.rest * free.weights.rest
+    )
+    return dataclasses.replace(free, weights=weights)
