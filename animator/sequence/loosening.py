@@ -106,11 +106,7 @@ def loose(solver: ImageSolverConfig, config: LooseningConfig) -> ImageSolverConf
 
 def _chosen(solved: Sequence[SolvedFrame], diagonal: float, config: LooseningConfig) -> list[int]:
     """Choose the frames to solve: at least every so many, every far one, and the last."""
-    moving = [
-        index
-        for index, frame in enumerate(solved)
-        if frame.stats.start != "rest" and not frame.is_held
-    ]
+    moving = [index for index, frame in enumerate(solved) if frame.was_solved]
     chosen: list[int] = []
     last = 0
     for index in moving:

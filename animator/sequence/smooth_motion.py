@@ -63,11 +63,7 @@ def solved_smoothly(
     Returns:
         The frames with other poses, what shows the rest pose with its own; None for any other motion.
     """
-    moving = [
-        index
-        for index, frame in enumerate(solved)
-        if frame.stats.start != "rest" and not frame.is_held
-    ]
+    moving = [index for index, frame in enumerate(solved) if frame.was_solved]
     if not moving or config.residual == 0.0:
         return None
     anchors, diagonal = driver.problem.anchors, driver.problem.gaussians.diagonal
@@ -83,7 +79,10 @@ def solved_smoothly(
     logger.debug("loss in hidden cells: %.4f smoothly, %.4f with free joints", smoothly, freely)
     if smoothly > config.worse * freely:
         return None
-    logger.info("The object moves smoothly, without joints; solving frames once more as such.")
+    logger.info(
+        "The object moves smoothly, without joints; solving %d frames once more as such.",
+        len(moving),
+    )
     frames = list(solved)
     for index in moving:
         frames[index] = motion.solve(index)

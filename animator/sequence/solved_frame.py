@@ -44,6 +44,11 @@ class SolvedFrame:
         """Whether it shows nothing new, and so has the pose of the frame before it."""
         return self.stats.start == "held"
 
+    @property
+    def was_solved(self) -> bool:
+        """Whether its pose is its own: neither the rest pose nor that of the frame before it."""
+        return self.stats.start != "rest" and not self.is_held
+
 
 def with_held_following(frames: Sequence[SolvedFrame]) -> list[SolvedFrame]:
     """Return the frames, those that are held with the pose that the one before them has by now."""
