@@ -106,7 +106,7 @@ class _SmoothMotion:
         self._field = SmoothField(problem.anchors, problem.gaussians.diagonal, config.field)
         free = loose(driver.bare_solver.config, loosening)
         self._free_solver = driver.bare_solver.with_config(free)
-        self._solver = driver.bare_solver.with_config(_smooth(free, config))
+        self._solver = driver.bare_solver.with_config(smooth(free, config))
 
     def residual(self, index: int) -> float:
         """Measure how far a frame's pose is from a smooth one, as a share of its motion."""
@@ -121,9 +121,10 @@ class _SmoothMotion:
         smoothly = freely = 0.0
         target = self._driver.matched_target_of(index, self._solved[index])
         for shown, hidden in halves(target, self._config.cells):
-            smooth = self._solver.solve_smoothly(self._field, shown, start)
-            smoothly += self._solver.image_loss(hidden, smooth)
-            freely += self._free_solver.image_loss(hidden, self._free_solver.solve(shown, start))
+            poses = self._solver.solve_smoothly(self._field, shown, start)
+            smoothly += self._solver.image_loss(hidden, poses)
+            poses = self._free_solver.solve(shown, start)
+            freely += self._free_solver.image_loss(hidden, poses)
         return smoothly, freely
 
     def solve(self, index: int) -> SolvedFrame:
@@ -137,7 +138,7 @@ class _SmoothMotion:
         return dataclasses.replace(frame, poses=poses, stats=stats)
 
 
-def _smooth(free: ImageSolverConfig, config: SmoothMotionConfig) -> ImageSolverConfig:
+def smooth(free: ImageSolverConfig, config: SmoothMotionConfig) -> ImageSolverConfig:
     """Return the configuration of a solver of smooth motions."""
     weights = dataclasses.replace(
         free.weights, arap=config.arap * free.weights.arap, rest=config.rest * free.weights.rest

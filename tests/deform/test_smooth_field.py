@@ -80,8 +80,13 @@ def test_what_does_not_hang_together_moves_alike_where_it_is_near():
     )
     pose = AnchorPoses.identity(anchors)
     pose.translations[:81, 2] = 0.1
-    near = SmoothField(anchors, 1.0, FEW).near(pose, CAMERA).translations[:, 2]
+    field = SmoothField(anchors, 1.0, FEW)
+    near = field.near(pose, CAMERA).translations[:, 2]
     np.testing.assert_allclose(near[:81], near[81:], atol=0.03)
+    waves = 0.1 * torch.sin(3.0 * places[:, 0])
+    pose.translations[:, 2] = waves
+    near = field.near(pose, CAMERA).translations[:, 2]
+    assert (near - waves).abs().mean() < 0.2 * waves.abs().mean()
 
 
 def test_a_bend_is_found_in_the_picture(box):

@@ -9,15 +9,16 @@ from scipy.spatial.transform import Rotation
 
 from animator.deform.anchors import build_anchors
 from animator.deform.coarse_motion import CoarseConfig
-from animator.deform.image_solver import ImageSolverConfig
+from animator.deform.image_solver import ImageSolverConfig, LossWeights
 from animator.deform.pace import PaceConfig
 from animator.deform.smooth_field import SmoothField, SmoothFieldConfig
 from animator.match.registry import load_matcher
 from animator.render.cpu import CpuRenderer
+from animator.sequence.bare_solver import BareSolver
 from animator.sequence.clip_problem import ClipProblem
 from animator.sequence.driver import Driver, DriverConfig
 from animator.sequence.loosening import LooseningConfig
-from animator.sequence.smooth_motion import SmoothMotionConfig, solved_smoothly
+from animator.sequence.smooth_motion import SmoothMotionConfig, smooth, solved_smoothly
 from animator.sequence.solved_frame import SolvedFrame
 from animator.types import AnchorPoses, Gaussians
 from tests.helpers.objects import front_camera
@@ -113,6 +114,38 @@ def test_a_joint_is_told_by_what_hidden_cells_show(box):
     lab = Lab(box, lambda points: fold(points, 50.0), ("rest", "previous"), noise=0.0)
     assert lab.solve() is None
     assert lab.solve(dataclasses.replace(CONFIG, worse=1e9)) is not None
+
+
+def test_what_was_hidden_from_a_solver_judges_it(box, monkeypatch):
+    shown, judged = [], []
+
+    def solve(self, target, start):
+        shown.append(target.counted)
+        return start
+
+    def image_loss(self, target, poses):
+        judged.append(target.counted)
+        return 1.0 if len(judged) % 2 else 0.5
+
+    monkeypatch.setattr(BareSolver, "solve", solve)
+    monkeypatch.setattr(
+        BareSolver, "solve_smoothly", lambda self, field, target, start: solve(self, target, start)
+    )
+    monkeypatch.setattr(BareSolver, "image_loss", image_loss)
+    lab = Lab(box, bend, ("rest", "previous"))
+    learned = []
+    monkeypatch.setattr(lab.driver.light_stage, "learn_afresh", learned.append)
+    assert lab.solve() is None  # Judged twice as bad as free joints.
+    assert learned == [lab.solved]
+    assert len(judged) == 4
+    for fitted, other in zip(shown, judged, strict=True):
+        torch.testing.assert_close(fitted + other, torch.ones_like(fitted))
+
+
+def test_a_smooth_motion_is_held_together_more_than_free_joints():
+    free = ImageSolverConfig(weights=LossWeights(rest=12.0, arap=7.0))
+    config = dataclasses.replace(CONFIG, arap=3.0, rest=2.0)
+    assert smooth(free, config).weights == LossWeights(rest=24.0, arap=21.0)
 
 
 def test_one_body_is_left_alone(box):
