@@ -7,6 +7,7 @@ a dilation that anchors near it share, cannot; what is near moves alike, whether
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import torch
 
@@ -104,5 +105,5 @@ class SmoothField:
         return AnchorPoses(quats_wxyz=quats_wxyz, translations=places - self._anchors.positions)
 
 
-def _unknowns(nodes: Sequence[NodeMotion]) -> list[dict]:
+def _unknowns(nodes: Sequence[NodeMotion]) -> list[dict[str, Any]]:
     return [group for level in nodes for group in level.unknowns]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import torch
+from scipy.spatial.transform import Rotation
 
 from animator.types import Camera, Frames, Gaussians
 from tests.helpers.objects import gaussians_at
@@ -46,3 +47,12 @@ def draw(renderer, gaussians: Gaussians, camera: Camera) -> tuple[np.ndarray, np
     """Render on black as numpy color and alpha."""
     rendering = renderer.render(gaussians, camera)
     return rendering.rgb.numpy(), rendering.alpha.numpy()
+
+
+def fold(points: torch.Tensor, angle_deg: float) -> tuple[torch.Tensor, torch.Tensor]:
+    """Turn what is right of the middle away from the camera; return where points get to, and their turns."""
+    turn = Rotation.from_euler("y", [[0.0], [angle_deg]], degrees=True)
+    right = (points[:, 0] > 0).long()
+    matrices = torch.as_tensor(turn.as_matrix(), dtype=torch.float32)[right]
+    quats_wxyz = torch.as_tensor(turn.as_quat(scalar_first=True), dtype=torch.float32)[right]
+    return (matrices @ points[..., None])[..., 0], quats_wxyz

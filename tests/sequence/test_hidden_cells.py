@@ -19,7 +19,9 @@ HEIGHT, WIDTH = 21, 34
 def target() -> FrameTarget:
     rng = np.random.default_rng(0)
     return FrameTarget(
-        image=ImageOnBlack(rgb=torch.rand(HEIGHT, WIDTH, 3), alpha=torch.ones(HEIGHT, WIDTH)),
+        image=ImageOnBlack(
+            rgb=torch.from_numpy(rng.random((HEIGHT, WIDTH, 3))), alpha=torch.ones(HEIGHT, WIDTH)
+        ),
         camera=front_camera(3.0, size_px=WIDTH),
         matches=GaussianMatches(
             gaussian_ids=np.arange(50),

@@ -5,7 +5,6 @@ import dataclasses
 import numpy as np
 import pytest
 import torch
-from scipy.spatial.transform import Rotation
 
 from animator.deform.anchors import build_anchors
 from animator.deform.image_solver import ImageSolverConfig, LossWeights
@@ -19,7 +18,7 @@ from animator.sequence.loosening import LooseningConfig, loose, loosened
 from animator.sequence.solved_frame import SolvedFrame
 from animator.types import AnchorPoses, Gaussians
 from tests.helpers.objects import front_camera
-from tests.helpers.textured import draw, filmed, textured_box
+from tests.helpers.textured import draw, filmed, fold, textured_box
 
 CAMERA = front_camera(4.5, size_px=96)
 RENDERER = CpuRenderer()
@@ -34,15 +33,6 @@ def box() -> Gaussians:
 
 def nearer(box: Gaussians) -> Gaussians:
     return box.posed(box.means + NEARER, box.quats_wxyz)
-
-
-def fold(points: torch.Tensor, angle_deg: float) -> tuple[torch.Tensor, torch.Tensor]:
-    """Turn what is right of the middle away from the camera; return where points get to, and their turns."""
-    turn = Rotation.from_euler("y", [[0.0], [angle_deg]], degrees=True)
-    right = (points[:, 0] > 0).long()
-    matrices = torch.as_tensor(turn.as_matrix(), dtype=torch.float32)[right]
-    quats_wxyz = torch.as_tensor(turn.as_quat(scalar_first=True), dtype=torch.float32)[right]
-    return (matrices @ points[..., None])[..., 0], quats_wxyz
 
 
 class Lab:

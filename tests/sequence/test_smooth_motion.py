@@ -22,8 +22,7 @@ from animator.sequence.smooth_motion import SmoothMotionConfig, smooth, solved_s
 from animator.sequence.solved_frame import SolvedFrame
 from animator.types import AnchorPoses, Gaussians
 from tests.helpers.objects import front_camera
-from tests.helpers.textured import draw, filmed, textured_box
-from tests.sequence.test_loosening import fold
+from tests.helpers.textured import draw, filmed, fold, textured_box
 
 CAMERA = front_camera(4.5, size_px=96)
 RENDERER = CpuRenderer()

@@ -1,3 +1,5 @@
+"""Colors follow the pose in the light of the clip, or stay as they were seen."""
+
 import pytest
 import torch
 from scipy.spatial.transform import Rotation
