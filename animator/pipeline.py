@@ -10,7 +10,7 @@ from typing import Literal
 
 from scipy.spatial import KDTree
 
-from animator.deform.anchors import build_anchors
+from animator.deform.anchors import build_anchors, with_sharper_skin
 from animator.deform.floaters import without_floaters
 from animator.match.registry import load_matcher
 from animator.render.protocol import Renderer
@@ -23,7 +23,11 @@ from animator.sequence.driver import Driver, DriverConfig
 from animator.sequence.interpolation import InterpolationConfig, interpolate
 from animator.sequence.loosening import LooseningConfig, loosened
 from animator.sequence.second_look import SecondLookConfig, looked_at_again
-from animator.sequence.smooth_motion import SmoothMotionConfig, solved_smoothly
+from animator.sequence.smooth_motion import (
+    SmoothMotionConfig,
+    moves_smoothly,
+    solved_smoothly,
+)
 from animator.sequence.solved_frame import SolvedFrame
 from animator.sequence.steadying import SteadyingConfig, steadied
 from animator.threads import same_bytes_on_any_threads
@@ -118,9 +122,12 @@ def fit(
     driver = Driver(problem, config.driver)
     solved = _track(driver, resume_from, on_frame)
     solved = looked_at_again(solved, driver, config.second_look)
-    solved = solved_smoothly(solved, driver, config.smooth_motion, config.loosening) or loosened(
-        solved, driver, config.loosening
-    )
+    if moves_smoothly(solved, driver, config.smooth_motion, config.loosening):
+        anchors = with_sharper_skin(anchors, config.smooth_motion.sharpness)
+        driver = driver.with_anchors(anchors, solved[0])
+        solved = solved_smoothly(solved, driver, config.smooth_motion, config.loosening)
+    else:
+        solved = loosened(solved, driver, config.loosening)
     solved = steadied(solved, driver, config.steadying)
     groups = groups_of_anchors(solved[-1].groups, gaussians, anchors)
     keys = _keys(solved, scene, anchors, groups, labels.fps, config)

@@ -4,6 +4,7 @@ Distances run along the object (geodesic over a nearest-neighbor graph of the Ga
 resting on a hip does not drag the hip along.
 """
 
+import dataclasses
 import math
 
 import numpy as np
@@ -61,6 +62,15 @@ def build_anchors(gaussians: Gaussians, *, target_count: int) -> Anchors:
         edges=torch.as_tensor(edges, dtype=torch.int64),
         edge_weights=torch.as_tensor(edge_weights, dtype=torch.float32),
     )
+
+
+def with_sharper_skin(anchors: Anchors, sharpness: float) -> Anchors:
+    """Return the same anchors with skinning weights raised to a power.
+
+    A power s of exp(-d^2 / 2 h^2) is what a reach of h / sqrt(s) gives: each Gaussian follows its nearest anchor more.
+    """
+    weights = anchors.skin_weights**sharpness
+    return dataclasses.replace(anchors, skin_weights=weights / weights.sum(dim=1, keepdim=True))
 
 
 def distances_between(anchors: Anchors) -> np.ndarray:

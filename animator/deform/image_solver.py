@@ -135,6 +135,18 @@ class ImageSolver:
         """Sum the terms that compare drawn Gaussians with the frame, differentiable in them."""
         return self._difference(posed, target, self._image_weights)
 
+    def match_loss(
+        self, posed: Gaussians, target: FrameTarget, matches: GaussianMatches
+    ) -> torch.Tensor:
+        """Measure how far matched Gaussians are from their pixels (Eq. 3), differentiable in them."""
+        points = posed.means[torch.as_tensor(matches.gaussian_ids, device=posed.means.device)]
+        return losses.deformation_loss(
+            project(points, target.camera),
+            torch.as_tensor(matches.target_px, dtype=points.dtype, device=points.device),
+            torch.as_tensor(matches.confidences, dtype=points.dtype, device=points.device),
+            object_px=target.object_px,
+        )
+
     def _difference(
         self, posed: Gaussians, target: FrameTarget, weights: ImageWeights
     ) -> torch.Tensor:
@@ -245,24 +257,13 @@ class ImageSolver:
             total = total + weights.rest * losses.rest_loss(
                 poses, diagonal=self._diagonal, norm=self.config.rest_norm
             )
-        if weights.deform > 0 and target.matches is not None and len(target.matches):
-            total = total + weights.deform * self._deformation(target, target.matches, posed)
+        if weights.deform > 0 and target.matches is not None:
+            total = total + weights.deform * self.match_loss(posed, target, target.matches)
         if weights.depth > 0 and target.depths is not None:
             total = total + weights.depth * self._depth(target.camera, target.depths, posed)
         if weights.group > 0 and pairs is not None:
             total = total + weights.group * self._group(posed, pairs)
         return total
-
-    def _deformation(
-        self, target: FrameTarget, matches: GaussianMatches, posed: Gaussians
-    ) -> torch.Tensor:
-        points = posed.means[torch.as_tensor(matches.gaussian_ids, device=posed.means.device)]
-        return losses.deformation_loss(
-            project(points, target.camera),
-            torch.as_tensor(matches.target_px, dtype=points.dtype, device=points.device),
-            torch.as_tensor(matches.confidences, dtype=points.dtype, device=points.device),
-            object_px=target.object_px,
-        )
 
     def _depth(self, camera: Camera, given: GaussianDepths, posed: Gaussians) -> torch.Tensor:
         points = posed.means[torch.as_tensor(given.gaussian_ids, device=posed.means.device)]

@@ -25,6 +25,8 @@ class RigidSolverConfig:
     """Learning rate of the translation [diagonals]."""
     pace: PaceConfig = dataclasses.field(default_factory=PaceConfig)
     """How many Adam steps a frame gets."""
+    matches: float = 30.0
+    """Weight of matches (Eq. 3): a body follows them all at once, so few wrong ones do no harm."""
 
 
 def solve_rigid(
@@ -39,7 +41,7 @@ def solve_rigid(
     Args:
         image_solver: Measures how well a pose explains the frame.
         anchors: The anchors at rest.
-        target: The frame.
+        target: The frame, with matches if there are any.
         start: Where it begins; kept if nothing explains the frame better.
         config: The optimizer.
 
@@ -61,7 +63,11 @@ def solve_rigid(
         )
 
     def loss_of(poses: AnchorPoses) -> torch.Tensor:
-        return image_solver.image_loss(image_solver.pose(poses), target)
+        posed = image_solver.pose(poses)
+        loss = image_solver.image_loss(posed, target)
+        if target.matches is not None:
+            loss = loss + config.matches * image_solver.match_loss(posed, target, target.matches)
+        return loss
 
     unknowns = [
         {"params": [turn], "lr": config.turn_rate},

@@ -36,7 +36,7 @@ from animator.sequence.start_stage import StartStage, StartStageConfig
 from animator.sequence.stillness import shows_the_same
 from animator.sequence.stopwatch import Stopwatch
 from animator.sequence.target import Window, silhouette_iou
-from animator.types import AnchorPoses, AnchorUncertainty, Camera, RigidGroups
+from animator.types import AnchorPoses, Anchors, AnchorUncertainty, Camera, RigidGroups
 
 logger = logging.getLogger(__name__)
 
@@ -101,6 +101,17 @@ class Driver:
         self._limb_search = LimbSearch(
             self._image_solver, problem.anchors, sight.draw, sketcher, config.limb_search
         )
+
+    def with_anchors(self, anchors: Anchors, first: SolvedFrame) -> "Driver":
+        """Return a driver of the same clip with other anchors, or another skin on them.
+
+        Args:
+            anchors: The anchors.
+            first: Frame 0, solved; the user's depth maps are measured by it.
+        """
+        driver = Driver(dataclasses.replace(self.problem, anchors=anchors), self._config)
+        driver._depth_stage.calibrate(first.poses, first.camera)
+        return driver
 
     def first(self) -> SolvedFrame:
         """Return frame 0: the rest pose where it explains the frame, else solved from there."""
@@ -234,7 +245,7 @@ class Driver:
         return solve_rigid(
             self._image_solver,
             self.problem.anchors,
-            self.target_of(index, frame),
+            self.matched_target_of(index, frame),
             frame.poses,
             self._config.rigid_solver,
         )

@@ -44,6 +44,40 @@ class SmoothMotionConfig:
     rigid_body: RigidBodyConfig = dataclasses.field(default_factory=RigidBodyConfig)
     """What is as good as rigid is left as it is: `steadying.py` makes one body of it."""
     field: SmoothFieldConfig = dataclasses.field(default_factory=SmoothFieldConfig)
+    sharpness: float = 4.0
+    """Power of the skinning weights: neighbors that move alike need not be mixed, and leaves that touch
+    must not be."""
+
+
+def moves_smoothly(
+    solved: Sequence[SolvedFrame],
+    driver: Driver,
+    config: SmoothMotionConfig,
+    loosening: LooseningConfig,
+) -> bool:
+    """Tell whether the motion of a clip is smooth in space.
+
+    Args:
+        solved: The frames, limbs in place.
+        driver: What solved them.
+        config: When it is.
+        loosening: The other choice: free joints.
+    """
+    moving = _moving(solved)
+    if not moving or config.residual == 0.0:
+        return False
+    anchors, diagonal = driver.problem.anchors, driver.problem.gaussians.diagonal
+    tracks = [frame.poses for frame in solved]
+    if as_rigid_body(tracks, anchors, diagonal, config.rigid_body) is not None:
+        return False
+    motion = _SmoothMotion(solved, driver, config, loosening)
+    deciding = sorted({moving[round(share * (len(moving) - 1))] for share in config.looks})
+    if any(motion.residual(index) > config.residual for index in deciding):
+        return False
+    driver.light_stage.learn_afresh(solved)
+    smoothly, freely = np.sum([motion.hidden_losses(index) for index in deciding], axis=0)
+    logger.debug("loss in hidden cells: %.4f smoothly, %.4f with free joints", smoothly, freely)
+    return bool(smoothly <= config.worse * freely)
 
 
 def solved_smoothly(
@@ -51,42 +85,33 @@ def solved_smoothly(
     driver: Driver,
     config: SmoothMotionConfig,
     loosening: LooseningConfig,
-) -> list[SolvedFrame] | None:
-    """Solve the frames again by a motion that is smooth in space, if it is such a motion.
+) -> list[SolvedFrame]:
+    """Solve the frames again by a motion that is smooth in space.
 
     Args:
         solved: The frames, limbs in place.
-        driver: What solved them.
-        config: When and how.
-        loosening: The other choice: free joints.
+        driver: Looks at them.
+        config: How.
+        loosening: How the energy differs from that of tracking, as with free joints.
 
     Returns:
-        The frames with other poses, what shows the rest pose with its own; None for any other motion.
+        The frames with other poses; what shows the rest pose keeps its own.
     """
-    moving = [index for index, frame in enumerate(solved) if frame.was_solved]
-    if not moving or config.residual == 0.0:
-        return None
-    anchors, diagonal = driver.problem.anchors, driver.problem.gaussians.diagonal
-    tracks = [frame.poses for frame in solved]
-    if as_rigid_body(tracks, anchors, diagonal, config.rigid_body) is not None:
-        return None
-    motion = _SmoothMotion(solved, driver, config, loosening)
-    deciding = sorted({moving[round(share * (len(moving) - 1))] for share in config.looks})
-    if any(motion.residual(index) > config.residual for index in deciding):
-        return None
-    driver.light_stage.learn_afresh(solved)
-    smoothly, freely = np.sum([motion.hidden_losses(index) for index in deciding], axis=0)
-    logger.debug("loss in hidden cells: %.4f smoothly, %.4f with free joints", smoothly, freely)
-    if smoothly > config.worse * freely:
-        return None
+    moving = _moving(solved)
     logger.info(
         "The object moves smoothly, without joints; solving %d frames once more as such.",
         len(moving),
     )
+    driver.light_stage.learn_afresh(solved)
+    motion = _SmoothMotion(solved, driver, config, loosening)
     frames = list(solved)
     for index in moving:
         frames[index] = motion.solve(index)
     return with_held_following(frames)
+
+
+def _moving(solved: Sequence[SolvedFrame]) -> list[int]:
+    return [index for index, frame in enumerate(solved) if frame.was_solved]
 
 
 class _SmoothMotion:

@@ -4,7 +4,7 @@ import torch
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from animator.deform.anchors import build_anchors
+from animator.deform.anchors import build_anchors, with_sharper_skin
 from tests.helpers.objects import box_points, gaussians_at
 from tests.helpers.textured import textured_box
 
@@ -36,6 +36,19 @@ def test_weights_run_along_the_object_and_not_across_a_gap(two_bars):
     followed = anchors.positions[anchors.skin_ids[at_tip].long()]
     across = (followed[..., 1] < 0).float() * anchors.skin_weights[at_tip]
     assert float(across.sum() / at_tip.sum()) < 0.01
+
+
+def test_a_sharper_skin_has_a_shorter_reach(two_bars):
+    anchors = build_anchors(two_bars, target_count=40)
+    sharp = with_sharper_skin(anchors, 4.0)
+    weights = sharp.skin_weights
+    torch.testing.assert_close(weights.sum(dim=1), torch.ones(len(two_bars)))
+    # exp(-d^2 / 2 h^2) at half the reach h: logarithms of ratios are four times as large.
+    ratios, were = (torch.log(w[:, 0] / w[:, 1]) for w in (weights, anchors.skin_weights))
+    is_shared = anchors.skin_weights[:, 1] > 1e-3
+    torch.testing.assert_close(ratios[is_shared], 4.0 * were[is_shared], rtol=1e-3, atol=1e-4)
+    assert torch.equal(sharp.skin_ids, anchors.skin_ids)
+    assert torch.equal(sharp.edges, anchors.edges)
 
 
 def test_graph_is_connected_and_symmetric_even_for_separate_pieces():

@@ -9,7 +9,7 @@ import torch
 from scipy.interpolate import NearestNDInterpolator
 from scipy.spatial.transform import Rotation
 
-from animator.deform.anchors import build_anchors
+from animator.deform.anchors import build_anchors, with_sharper_skin
 from animator.match.flow import FlowMatcher
 from animator.render.cpu import CpuRenderer
 from animator.sequence.clip_problem import ClipProblem
@@ -115,3 +115,16 @@ def test_nothing_is_asked_of_a_clip_without_maps(box):
     solver = driver(box, None)
     solver._depth_stage.calibrate(AnchorPoses.identity(solver.problem.anchors), CAMERA)
     assert solver.target_of(1, solver.first()).depths is None
+
+
+def test_a_driver_with_another_skin_knows_the_depths_too(box):
+    solver = driver(box, [depth_map(box), depth_map(bent(box))])
+    solved = [solver.first()]
+    list(solver.run(solved))
+    anchors = with_sharper_skin(solver.problem.anchors, 4.0)
+    other = solver.with_anchors(anchors, solved[0])
+    assert other.problem.anchors is anchors
+    known, same = (each.target_of(1, solved[1]).depths for each in (other, solver))
+    assert known is not None
+    assert same is not None
+    assert np.median(known.depths) == pytest.approx(np.median(same.depths), rel=0.01)
