@@ -125,10 +125,12 @@ def fit(
     if moves_smoothly(solved, driver, config.smooth_motion, config.loosening):
         anchors = with_sharper_skin(anchors, config.smooth_motion.sharpness)
         driver = driver.with_anchors(anchors, solved[0])
-        solved = solved_smoothly(solved, driver, config.smooth_motion, config.loosening)
+        for _ in range(config.smooth_motion.rounds):
+            solved = solved_smoothly(solved, driver, config.smooth_motion, config.loosening)
+            solved = steadied(solved, driver, config.steadying)
     else:
         solved = loosened(solved, driver, config.loosening)
-    solved = steadied(solved, driver, config.steadying)
+        solved = steadied(solved, driver, config.steadying)
     groups = groups_of_anchors(solved[-1].groups, gaussians, anchors)
     keys = _keys(solved, scene, anchors, groups, labels.fps, config)
     clip = bake_clip(gaussians, anchors, groups, keys, labels)

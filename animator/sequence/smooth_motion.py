@@ -41,6 +41,8 @@ class SmoothMotionConfig:
     """Times the weight of ARAP with free joints."""
     rest: float = 3.0
     """Times the weight of the pull to rest."""
+    rounds: int = 2
+    """How often frames are solved and steadied: from where its neighbors say it is, a frame finds a better pose."""
     rigid_body: RigidBodyConfig = dataclasses.field(default_factory=RigidBodyConfig)
     """What is as good as rigid is left as it is: `steadying.py` makes one body of it."""
     field: SmoothFieldConfig = dataclasses.field(default_factory=SmoothFieldConfig)
