@@ -79,7 +79,10 @@ def moves_smoothly(
     driver.light_stage.learn_afresh(solved)
     smoothly, freely = np.sum([motion.hidden_losses(index) for index in deciding], axis=0)
     logger.debug("loss in hidden cells: %.4f smoothly, %.4f with free joints", smoothly, freely)
-    return bool(smoothly <= config.worse * freely)
+    is_smooth = bool(smoothly <= config.worse * freely)
+    if is_smooth:
+        logger.info("The object moves smoothly, without joints.")
+    return is_smooth
 
 
 def solved_smoothly(
@@ -100,10 +103,7 @@ def solved_smoothly(
         The frames with other poses; what shows the rest pose keeps its own.
     """
     moving = _moving(solved)
-    logger.info(
-        "The object moves smoothly, without joints; solving %d frames once more as such.",
-        len(moving),
-    )
+    logger.info("Solving %d frames once more, by a smooth motion.", len(moving))
     driver.light_stage.learn_afresh(solved)
     motion = _SmoothMotion(solved, driver, config, loosening)
     frames = list(solved)
