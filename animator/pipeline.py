@@ -123,14 +123,9 @@ def fit(
     solved = _track(driver, resume_from, on_frame)
     solved = looked_at_again(solved, driver, config.second_look)
     if moves_smoothly(solved, driver, config.smooth_motion, config.loosening):
-        anchors = with_sharper_skin(anchors, config.smooth_motion.sharpness)
-        driver = driver.with_anchors(anchors, solved[0])
-        for _ in range(config.smooth_motion.rounds):
-            solved = solved_smoothly(solved, driver, config.smooth_motion, config.loosening)
-            solved = steadied(solved, driver, config.steadying)
+        solved, anchors = _solved_smoothly(solved, driver, config)
     else:
-        solved = loosened(solved, driver, config.loosening)
-        solved = steadied(solved, driver, config.steadying)
+        solved = steadied(loosened(solved, driver, config.loosening), driver, config.steadying)
     groups = groups_of_anchors(solved[-1].groups, gaussians, anchors)
     keys = _keys(solved, scene, anchors, groups, labels.fps, config)
     clip = bake_clip(gaussians, anchors, groups, keys, labels)
@@ -155,6 +150,19 @@ def _track(
     for index, frame in enumerate(driver.run(solved), start=len(solved)):
         on_frame(index, frame)
     return solved
+
+
+def _solved_smoothly(
+    solved: list[SolvedFrame], driver: Driver, config: FitConfig
+) -> tuple[list[SolvedFrame], Anchors]:
+    """Solve a smooth motion and steady it, in turns; return the anchors with the skin it was solved with, too."""
+    smooth_motion = config.smooth_motion
+    anchors = with_sharper_skin(driver.problem.anchors, smooth_motion.sharpness)
+    driver = driver.with_anchors(anchors, solved[0])
+    for _ in range(smooth_motion.rounds):
+        solved = solved_smoothly(solved, driver, smooth_motion, config.loosening)
+        solved = steadied(solved, driver, config.steadying)
+    return solved, anchors
 
 
 def groups_of_anchors(groups: RigidGroups, gaussians: Gaussians, anchors: Anchors) -> RigidGroups:

@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from animator import pipeline
+from animator.deform.anchors import build_anchors
 from animator.pipeline import FitConfig, fit
 from animator.render.cpu import CpuRenderer
 from animator.rig.bake import ClipLabels
@@ -37,7 +38,7 @@ def test_a_smooth_motion_is_baked_with_the_skin_it_was_solved_with(monkeypatch, 
     done = fit(
         scene, ClipLabels(name="box", fps=24.0), FitConfig(device="cpu", anchors=30, matcher="flow")
     )
-    wide = pipeline.build_anchors(box, target_count=30)
+    wide = build_anchors(box, target_count=30)
     if is_smooth:
         assert skins == [done.anchors] * FitConfig().smooth_motion.rounds
         assert not torch.allclose(done.anchors.skin_weights, wide.skin_weights, atol=0.01)

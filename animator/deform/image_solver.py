@@ -26,7 +26,6 @@ from animator.types import (
     Anchors,
     Camera,
     GaussianDepths,
-    GaussianMatches,
     Gaussians,
 )
 
@@ -135,10 +134,14 @@ class ImageSolver:
         """Sum the terms that compare drawn Gaussians with the frame, differentiable in them."""
         return self._difference(posed, target, self._image_weights)
 
-    def match_loss(
-        self, posed: Gaussians, target: FrameTarget, matches: GaussianMatches
-    ) -> torch.Tensor:
-        """Measure how far matched Gaussians are from their pixels (Eq. 3), differentiable in them."""
+    def match_loss(self, posed: Gaussians, target: FrameTarget) -> torch.Tensor:
+        """Measure how far matched Gaussians are from their pixels (Eq. 3), differentiable in them.
+
+        Zero without matches.
+        """
+        matches = target.matches
+        if matches is None:
+            return posed.means.new_zeros(())
         points = posed.means[torch.as_tensor(matches.gaussian_ids, device=posed.means.device)]
         return losses.deformation_loss(
             project(points, target.camera),
@@ -257,8 +260,8 @@ class ImageSolver:
             total = total + weights.rest * losses.rest_loss(
                 poses, diagonal=self._diagonal, norm=self.config.rest_norm
             )
-        if weights.deform > 0 and target.matches is not None:
-            total = total + weights.deform * self.match_loss(posed, target, target.matches)
+        if weights.deform > 0:
+            total = total + weights.deform * self.match_loss(posed, target)
         if weights.depth > 0 and target.depths is not None:
             total = total + weights.depth * self._depth(target.camera, target.depths, posed)
         if weights.group > 0 and pairs is not None:

@@ -25,8 +25,8 @@ class RigidSolverConfig:
     """Learning rate of the translation [diagonals]."""
     pace: PaceConfig = dataclasses.field(default_factory=PaceConfig)
     """How many Adam steps a frame gets."""
-    matches: float = 30.0
-    """Weight of matches (Eq. 3): a body follows them all at once, so few wrong ones do no harm."""
+    match_weight: float = 30.0
+    """Weight of matches (Eq. 3) against the picture: a body follows them all at once, so few wrong ones do no harm."""
 
 
 def solve_rigid(
@@ -64,10 +64,9 @@ def solve_rigid(
 
     def loss_of(poses: AnchorPoses) -> torch.Tensor:
         posed = image_solver.pose(poses)
-        loss = image_solver.image_loss(posed, target)
-        if target.matches is not None:
-            loss = loss + config.matches * image_solver.match_loss(posed, target, target.matches)
-        return loss
+        return image_solver.image_loss(posed, target) + (
+            config.match_weight * image_solver.match_loss(posed, target)
+        )
 
     unknowns = [
         {"params": [turn], "lr": config.turn_rate},

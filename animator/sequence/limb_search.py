@@ -124,11 +124,10 @@ def searched(frame: SolvedFrame, search: Callable[[], AnchorPoses | None]) -> So
     watch = Stopwatch()
     poses = search()
     watch.lap(SEARCH)
-    seconds = {**frame.stats.seconds, **watch.seconds}
+    frame = frame.solved_again(frame.poses if poses is None else poses, watch.seconds)
     if poses is None:
-        return dataclasses.replace(frame, stats=dataclasses.replace(frame.stats, seconds=seconds))
-    stats = dataclasses.replace(frame.stats, start=SEARCH, seconds=seconds)
-    return dataclasses.replace(frame, poses=poses, stats=stats)
+        return frame
+    return dataclasses.replace(frame, stats=dataclasses.replace(frame.stats, start=SEARCH))
 
 
 class LimbSearch:

@@ -76,8 +76,7 @@ def loosened(
         frame = solved[index]
         poses = solver.solve(driver.matched_target_of(index, frame), frame.poses)
         watch.lap("loosening")
-        stats = dataclasses.replace(frame.stats, seconds={**frame.stats.seconds, **watch.seconds})
-        changed[index] = dataclasses.replace(frame, poses=poses, stats=stats)
+        changed[index] = frame.solved_again(poses, watch.seconds)
     return with_held_following(
         [
             frame if frame.is_held else changed.get(index) or _carried(index, solved, changed)

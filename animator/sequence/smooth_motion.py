@@ -41,11 +41,11 @@ class SmoothMotionConfig:
     """Times the weight of ARAP with free joints."""
     rest: float = 3.0
     """Times the weight of the pull to rest."""
-    rounds: int = 2
-    """How often frames are solved and steadied: from where its neighbors say it is, a frame finds a better pose."""
     rigid_body: RigidBodyConfig = dataclasses.field(default_factory=RigidBodyConfig)
     """What is as good as rigid is left as it is: `steadying.py` makes one body of it."""
     field: SmoothFieldConfig = dataclasses.field(default_factory=SmoothFieldConfig)
+    rounds: int = 2
+    """How often frames are solved and steadied: from where its neighbors say it is, a frame finds a better pose."""
     sharpness: float = 4.0
     """Power of the skinning weights: neighbors that move alike need not be mixed, and leaves that touch
     must not be."""
@@ -64,6 +64,9 @@ def moves_smoothly(
         driver: What solved them.
         config: When it is.
         loosening: The other choice: free joints.
+
+    Returns:
+        Whether it is; never for what does not move, or moves as one body.
     """
     moving = _moving(solved)
     if not moving or config.residual == 0.0:
@@ -161,8 +164,7 @@ class _SmoothMotion:
         target = self._driver.matched_target_of(index, frame)
         poses = self._solver.solve_smoothly(self._field, target, frame.poses)
         watch.lap("smooth motion")
-        stats = dataclasses.replace(frame.stats, seconds={**frame.stats.seconds, **watch.seconds})
-        return dataclasses.replace(frame, poses=poses, stats=stats)
+        return frame.solved_again(poses, watch.seconds)
 
 
 def smooth(free: ImageSolverConfig, config: SmoothMotionConfig) -> ImageSolverConfig:

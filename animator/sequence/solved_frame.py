@@ -1,7 +1,7 @@
 """What is known of a frame once it is solved."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from animator.types import AnchorPoses, AnchorUncertainty, Camera, RigidGroups
 
@@ -23,6 +23,13 @@ class FrameStats:
     seconds: dict[str, float]
     """Wall time a stage [s]."""
 
+    def with_time(self, seconds: Mapping[str, float]) -> "FrameStats":
+        """Return the same with more wall time [s], by stage; a stage may come again."""
+        total = dict(self.seconds)
+        for stage, more in seconds.items():
+            total[stage] = total.get(stage, 0.0) + more
+        return dataclasses.replace(self, seconds=total)
+
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class SolvedFrame:
@@ -38,6 +45,10 @@ class SolvedFrame:
     """How it went."""
     uncertainty: AnchorUncertainty | None = None
     """How well the frame shows where the anchors are; None if it was not estimated."""
+
+    def solved_again(self, poses: AnchorPoses, seconds: Mapping[str, float]) -> "SolvedFrame":
+        """Return the frame with another pose, and the wall time [s] that took, by stage, on top."""
+        return dataclasses.replace(self, poses=poses, stats=self.stats.with_time(seconds))
 
     @property
     def is_held(self) -> bool:

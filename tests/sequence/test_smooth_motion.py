@@ -110,6 +110,15 @@ def test_a_smooth_bend_is_solved_as_one(box):
     assert lab.image_loss(moving) < 0.8 * lab.image_loss(lab.solved[1])
 
 
+def test_the_time_of_each_round_counts(box):
+    lab = Lab(box, bend, ("rest", "previous"))
+    stats = lab.solved[1].stats.with_time({"image": 1.0, "smooth motion": 1000.0})
+    lab.solved[1] = dataclasses.replace(lab.solved[1], stats=stats)
+    seconds = lab.solve()[1].stats.seconds
+    assert seconds["image"] == 1.0
+    assert seconds["smooth motion"] > 1000.0
+
+
 def test_tracks_that_are_not_smooth_are_not_tried(box, monkeypatch):
     lab = Lab(box, bend, ("rest", "previous"), noise=0.05)
     monkeypatch.setattr(lab.driver, "matched_target_of", pytest.fail)
