@@ -180,7 +180,10 @@ class AnimateOptions:
         is_repeatable=True,
     )
     anchors: int = _option(
-        200, value_kind.whole(1), METHOD, "wanted anchors; a joint each, and a root"
+        200,
+        value_kind.whole(1),
+        METHOD,
+        "wanted anchors; a joint each, and a root; twice as many if motion is smooth",
     )
     iterations: int | None = _option(
         None, value_kind.whole(1), METHOD, "most optimizer steps a frame (fewer is faster)"

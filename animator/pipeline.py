@@ -22,6 +22,7 @@ from animator.sequence.clip_problem import ClipProblem
 from animator.sequence.driver import Driver, DriverConfig
 from animator.sequence.interpolation import InterpolationConfig, interpolate
 from animator.sequence.loosening import LooseningConfig, loosened
+from animator.sequence.rebinding import rebound
 from animator.sequence.second_look import SecondLookConfig, looked_at_again
 from animator.sequence.smooth_motion import (
     SmoothMotionConfig,
@@ -47,7 +48,7 @@ class FitConfig:
     """Every choice of a fit; one set of defaults serves all scenes."""
 
     anchors: int = 200
-    """Wanted number of anchors; becomes the number of joints less one."""
+    """Wanted number of anchors; becomes the number of joints less one, twice as many where the motion is smooth."""
     inbetween: int = 0
     """Smooth frames between two keys."""
     moving_camera: bool = False
@@ -155,9 +156,13 @@ def _track(
 def _solved_smoothly(
     solved: list[SolvedFrame], driver: Driver, config: FitConfig
 ) -> tuple[list[SolvedFrame], Anchors]:
-    """Solve a smooth motion and steady it, in turns; return the anchors with the skin it was solved with, too."""
-    smooth_motion = config.smooth_motion
-    anchors = with_sharper_skin(driver.problem.anchors, smooth_motion.sharpness)
+    """Solve a smooth motion with a finer rig and steady it, in turns; return the anchors of that rig, too."""
+    smooth_motion, problem = config.smooth_motion, driver.problem
+    finer = build_anchors(
+        problem.gaussians, target_count=round(smooth_motion.finer * config.anchors)
+    )
+    anchors = with_sharper_skin(finer, smooth_motion.sharpness)
+    solved = rebound(solved, problem.gaussians, problem.anchors, anchors)
     driver = driver.with_anchors(anchors, solved[0])
     for _ in range(smooth_motion.rounds):
         solved = solved_smoothly(solved, driver, smooth_motion, config.loosening)

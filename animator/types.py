@@ -226,6 +226,11 @@ class Anchors:
         )
         return sums / np.maximum(totals, 1e-12)
 
+    def blended(self, values: np.ndarray) -> np.ndarray:
+        """Average a value of each anchor, shape (A,), over those that a Gaussian follows, by weight; shape (N,)."""
+        weights = self.skin_weights.detach().cpu().numpy()
+        return (weights * values[self.skin_ids.cpu().numpy()]).sum(axis=1)
+
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class AnchorPoses:

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from animator import pipeline
-from animator.deform.anchors import build_anchors
+from animator.deform.anchors import build_anchors, with_sharper_skin
 from animator.pipeline import FitConfig, fit
 from animator.render.cpu import CpuRenderer
 from animator.rig.bake import ClipLabels
@@ -17,7 +17,7 @@ CAMERA = front_camera(3.0, size_px=64)
 
 
 @pytest.mark.parametrize("is_smooth", [False, True])
-def test_a_smooth_motion_is_baked_with_the_skin_it_was_solved_with(monkeypatch, is_smooth):
+def test_a_smooth_motion_is_baked_with_the_finer_rig_it_was_solved_with(monkeypatch, is_smooth):
     box = textured_box(800)
     frame = draw(CpuRenderer(), box, CAMERA)
     scene = Scene(
@@ -27,10 +27,10 @@ def test_a_smooth_motion_is_baked_with_the_skin_it_was_solved_with(monkeypatch, 
         frame_cameras=(CAMERA,) * 2,
         notes=(),
     )
-    skins = []
+    rigs = []
 
     def solved_smoothly(solved, driver, config, loosening):
-        skins.append(driver.problem.anchors)
+        rigs.append(driver.problem.anchors)
         return solved
 
     monkeypatch.setattr(pipeline, "moves_smoothly", lambda *_: is_smooth)
@@ -38,12 +38,17 @@ def test_a_smooth_motion_is_baked_with_the_skin_it_was_solved_with(monkeypatch, 
     done = fit(
         scene, ClipLabels(name="box", fps=24.0), FitConfig(device="cpu", anchors=30, matcher="flow")
     )
-    wide = build_anchors(box, target_count=30)
+    coarse, fine = (build_anchors(box, target_count=count) for count in (30, 60))
     if is_smooth:
-        assert skins == [done.anchors] * FitConfig().smooth_motion.rounds
-        assert not torch.allclose(done.anchors.skin_weights, wide.skin_weights, atol=0.01)
+        assert rigs == [done.anchors] * FitConfig().smooth_motion.rounds
+        fine = with_sharper_skin(fine, FitConfig().smooth_motion.sharpness)
+        torch.testing.assert_close(done.anchors.positions, fine.positions)
+        torch.testing.assert_close(done.anchors.skin_weights, fine.skin_weights)
     else:
-        assert skins == []
-        torch.testing.assert_close(done.anchors.skin_weights, wide.skin_weights)
+        assert rigs == []
+        torch.testing.assert_close(done.anchors.positions, coarse.positions)
+        torch.testing.assert_close(done.anchors.skin_weights, coarse.skin_weights)
+    assert len(done.clip.rig.joint_names) == len(done.anchors) + 1
+    assert all(len(frame.poses.translations) == len(done.anchors) for frame in done.solved)
     largest = np.sort(done.clip.skin.weights, axis=1)[:, -1]
     np.testing.assert_allclose(largest, done.anchors.skin_weights.max(dim=1).values, atol=1e-5)

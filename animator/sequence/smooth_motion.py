@@ -46,6 +46,8 @@ class SmoothMotionConfig:
     field: SmoothFieldConfig = dataclasses.field(default_factory=SmoothFieldConfig)
     rounds: int = 2
     """How often frames are solved and steadied: from where its neighbors say it is, a frame finds a better pose."""
+    finer: float = 2.0
+    """Times the anchors: what bends everywhere needs more of them than what bends at joints."""
     sharpness: float = 4.0
     """Power of the skinning weights: neighbors that move alike need not be mixed, and leaves that touch
     must not be."""
@@ -75,12 +77,12 @@ def moves_smoothly(
     tracks = [frame.poses for frame in solved]
     if as_rigid_body(tracks, anchors, diagonal, config.rigid_body) is not None:
         return False
-    motion = _SmoothMotion(solved, driver, config, loosening)
+    trial = _Trial(solved, driver, config, loosening)
     deciding = sorted({moving[round(share * (len(moving) - 1))] for share in config.looks})
-    if any(motion.residual(index) > config.residual for index in deciding):
+    if any(trial.residual(index) > config.residual for index in deciding):
         return False
     driver.light_stage.learn_afresh(solved)
-    smoothly, freely = np.sum([motion.hidden_losses(index) for index in deciding], axis=0)
+    smoothly, freely = np.sum([trial.hidden_losses(index) for index in deciding], axis=0)
     logger.debug("loss in hidden cells: %.4f smoothly, %.4f with free joints", smoothly, freely)
     is_smooth = bool(smoothly <= config.worse * freely)
     if is_smooth:
@@ -98,7 +100,7 @@ def solved_smoothly(
 
     Args:
         solved: The frames, limbs in place.
-        driver: Looks at them.
+        driver: Looks at them; its rig has `config.finer` times the anchors that tracked them.
         config: How.
         loosening: How the energy differs from that of tracking, as with free joints.
 
@@ -108,10 +110,17 @@ def solved_smoothly(
     moving = _moving(solved)
     logger.info("Solving %d frames once more, by a smooth motion.", len(moving))
     driver.light_stage.learn_afresh(solved)
-    motion = _SmoothMotion(solved, driver, config, loosening)
+    free = loose(driver.bare_solver.config, loosening)
+    solver = driver.bare_solver.with_config(on_finer_rig(smooth(free, config), config.finer))
+    field = SmoothField(driver.problem.anchors, driver.problem.gaussians.diagonal, config.field)
     frames = list(solved)
     for index in moving:
-        frames[index] = motion.solve(index)
+        watch = Stopwatch()
+        frame = solved[index]
+        target = driver.matched_target_of(index, frame)
+        poses = solver.solve_smoothly(field, target, frame.poses)
+        watch.lap("smooth motion")
+        frames[index] = frame.solved_again(poses, watch.seconds)
     return with_held_following(frames)
 
 
@@ -119,7 +128,7 @@ def _moving(solved: Sequence[SolvedFrame]) -> list[int]:
     return [index for index, frame in enumerate(solved) if frame.was_solved]
 
 
-class _SmoothMotion:
+class _Trial:
     """The frames, by a smooth motion and with free joints."""
 
     def __init__(
@@ -157,15 +166,6 @@ class _SmoothMotion:
             freely += self._free_solver.image_loss(hidden, poses)
         return smoothly, freely
 
-    def solve(self, index: int) -> SolvedFrame:
-        """Solve a frame by a smooth motion."""
-        watch = Stopwatch()
-        frame = self._solved[index]
-        target = self._driver.matched_target_of(index, frame)
-        poses = self._solver.solve_smoothly(self._field, target, frame.poses)
-        watch.lap("smooth motion")
-        return frame.solved_again(poses, watch.seconds)
-
 
 def smooth(free: ImageSolverConfig, config: SmoothMotionConfig) -> ImageSolverConfig:
     """Return the configuration of a solver of smooth motions."""
@@ -173,3 +173,18 @@ def smooth(free: ImageSolverConfig, config: SmoothMotionConfig) -> ImageSolverCo
         free.weights, arap=config.arap * free.weights.arap, rest=config.rest * free.weights.rest
     )
     return dataclasses.replace(free, weights=weights)
+
+
+def on_finer_rig(solver: ImageSolverConfig, finer: float) -> ImageSolverConfig:
+    """Return the same for a rig of so many times the anchors.
+
+    On a surface, edges are shorter by the root of it, and a bend moves a neighbor from where it would be by its
+    curvature times the square of the edge: residuals of ARAP are smaller by the whole of it. So its reach is, and
+    what it costs beyond that is the same as before.
+    """
+    norm, weights = solver.arap_norm, solver.weights
+    return dataclasses.replace(
+        solver,
+        arap_norm=dataclasses.replace(norm, reach=norm.reach / finer),
+        weights=dataclasses.replace(weights, arap=weights.arap * finer**2),
+    )

@@ -11,6 +11,7 @@ from animator.deform.anchors import build_anchors
 from animator.deform.coarse_motion import CoarseConfig
 from animator.deform.image_solver import ImageSolverConfig, LossWeights
 from animator.deform.pace import PaceConfig
+from animator.deform.robust_norm import RobustNorm
 from animator.deform.smooth_field import SmoothField, SmoothFieldConfig
 from animator.match.registry import load_matcher
 from animator.render.cpu import CpuRenderer
@@ -21,6 +22,7 @@ from animator.sequence.loosening import LooseningConfig
 from animator.sequence.smooth_motion import (
     SmoothMotionConfig,
     moves_smoothly,
+    on_finer_rig,
     smooth,
     solved_smoothly,
 )
@@ -32,7 +34,10 @@ from tests.helpers.textured import draw, filmed, fold, textured_box
 CAMERA = front_camera(4.5, size_px=96)
 RENDERER = CpuRenderer()
 CONFIG = SmoothMotionConfig(
-    residual=0.2, worse=1.6, field=SmoothFieldConfig(coarse=CoarseConfig(nodes=(12, 1)))
+    residual=0.2,
+    worse=1.6,
+    field=SmoothFieldConfig(coarse=CoarseConfig(nodes=(12, 1))),
+    finer=1.0,
 )
 """For a small box in small frames: the bend comes to .11 and 1.3, the fold to .16 and 2.0."""
 FREE = LooseningConfig(pace=PaceConfig(most_steps=60))
@@ -161,6 +166,17 @@ def test_a_smooth_motion_is_held_together_more_than_free_joints():
     free = ImageSolverConfig(weights=LossWeights(rest=12.0, arap=7.0))
     config = dataclasses.replace(CONFIG, arap=3.0, rest=2.0)
     assert smooth(free, config).weights == LossWeights(rest=24.0, arap=21.0)
+
+
+def test_a_bend_costs_on_a_finer_rig_what_it_costs_on_a_coarse_one():
+    coarse = ImageSolverConfig(arap_norm=RobustNorm(reach=0.004, floor=0.01))
+    fine = on_finer_rig(coarse, 3.0)
+    residuals = torch.tensor([1e-4, 1e-3, 4e-3, 0.02, 0.3])
+    on_coarse, on_fine = (
+        solver.weights.arap * solver.arap_norm.cost(squared)
+        for solver, squared in ((coarse, residuals**2), (fine, (residuals / 3.0) ** 2))
+    )
+    torch.testing.assert_close(on_fine, on_coarse)
 
 
 def test_one_body_is_left_alone(box):
