@@ -179,6 +179,20 @@ def test_a_bend_costs_on_a_finer_rig_what_it_costs_on_a_coarse_one():
     torch.testing.assert_close(on_fine, on_coarse)
 
 
+def test_the_solver_knows_how_fine_its_rig_is(box, monkeypatch):
+    lab = Lab(box, bend, ("rest", "previous"))
+    reaches = []
+
+    def solve_smoothly(self, field, target, start):
+        reaches.append(self.config.arap_norm.reach)
+        return start
+
+    monkeypatch.setattr(BareSolver, "solve_smoothly", solve_smoothly)
+    for finer in (1.0, 2.0):
+        solved_smoothly(lab.solved, lab.driver, dataclasses.replace(CONFIG, finer=finer), FREE)
+    assert reaches[1] == reaches[0] / 2.0
+
+
 def test_one_body_is_left_alone(box):
     def shift(points: torch.Tensor):
         quats_wxyz = torch.tensor([1.0, 0.0, 0.0, 0.0]).repeat(len(points), 1)
