@@ -31,7 +31,7 @@ class SmoothMotionConfig:
     residual: float = 0.06
     """Distance of the anchors from the nearest smooth pose, as a share of the motion, both RMS, above which
     a motion is not smooth; 0 switches it off."""
-    worse: float = 1.05
+    worse: float = 1.09
     """Times the loss in hidden cells with free joints, above which it is not smooth either."""
     cells: float = 8.0
     """Cells along the object's size."""
