@@ -8,9 +8,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Literal
 
-from scipy.spatial import KDTree
-
-from animator.deform.anchors import build_anchors, with_sharper_skin
+from animator.deform.anchors import build_anchors, nearest_gaussians, with_sharper_skin
 from animator.deform.floaters import without_floaters
 from animator.match.registry import load_matcher
 from animator.render.protocol import Renderer
@@ -172,9 +170,7 @@ def _solved_smoothly(
 
 def groups_of_anchors(groups: RigidGroups, gaussians: Gaussians, anchors: Anchors) -> RigidGroups:
     """Give each anchor the rigid group of its nearest Gaussian."""
-    means = gaussians.means.detach().cpu().numpy()
-    nearest = KDTree(means).query(anchors.positions.cpu().numpy())[1]
-    return RigidGroups(labels=groups.labels[nearest])
+    return RigidGroups(labels=groups.labels[nearest_gaussians(gaussians, anchors)])
 
 
 def _keys(

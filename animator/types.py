@@ -216,6 +216,14 @@ class Anchors:
     def __len__(self) -> int:
         return len(self.positions)
 
+    def carrying(self, chosen: np.ndarray | slice) -> "Anchors":
+        """Return the same anchors with the skinning weights of chosen Gaussians only, in the order chosen."""
+        return dataclasses.replace(
+            self,
+            skin_ids=self.skin_ids[chosen].contiguous(),
+            skin_weights=self.skin_weights[chosen].contiguous(),
+        )
+
     def mean_of_carried(self, values: np.ndarray) -> np.ndarray:
         """Average a value of each Gaussian, shape (N,), over those that follow an anchor, by weight; shape (A,)."""
         ids = self.skin_ids.cpu().numpy().ravel()

@@ -34,11 +34,13 @@ def within_limit(clip: Clip, joint_limit: int | None) -> Clip:
         merged = _merged(merged, times_s, len(merged.rig) - joint_limit)
     _log.warning(
         "%s: %d joints merged into %d; no Gaussian moves by more than %.2g %% of the diagonal for "
-        "it. For a better rig, fit again with fewer (animate --anchors)",
+        "it. For a better rig, fit again with fewer (animate --anchors %d, half as many if it moves "
+        "smoothly)",
         clip.name,
         len(clip.rig),
         len(merged.rig),
         100 * _largest_error(clip, merged, times_s),
+        joint_limit - 1,
     )
     return merged
 

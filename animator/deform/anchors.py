@@ -73,6 +73,12 @@ def with_sharper_skin(anchors: Anchors, sharpness: float) -> Anchors:
     return dataclasses.replace(anchors, skin_weights=weights / weights.sum(dim=1, keepdim=True))
 
 
+def nearest_gaussians(gaussians: Gaussians, anchors: Anchors) -> np.ndarray:
+    """Find the Gaussian nearest to each anchor at rest, int64, shape (A,)."""
+    means = gaussians.means.detach().cpu().numpy()
+    return np.asarray(KDTree(means).query(anchors.positions.cpu().numpy())[1])
+
+
 def distances_between(anchors: Anchors) -> np.ndarray:
     """Measure how far the anchors are from each other along their graph [scene unit], shape (A, A)."""
     places = anchors.positions.detach().cpu().numpy().astype(np.float64)

@@ -23,7 +23,4 @@ def thinned(gaussians: Gaussians, anchors: Anchors, most: int) -> tuple[Gaussian
         for field in dataclasses.fields(Gaussians)
     }
     kept["scales"] = kept["scales"] * math.sqrt(every)
-    skin = {
-        name: getattr(anchors, name)[::every].contiguous() for name in ("skin_ids", "skin_weights")
-    }
-    return Gaussians(**kept), dataclasses.replace(anchors, **skin)
+    return Gaussians(**kept), anchors.carrying(slice(None, None, every))

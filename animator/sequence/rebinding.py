@@ -3,8 +3,7 @@
 import dataclasses
 from collections.abc import Sequence
 
-from scipy.spatial import KDTree
-
+from animator.deform.anchors import nearest_gaussians
 from animator.deform.skinning import Skinner
 from animator.sequence.solved_frame import SolvedFrame
 from animator.types import AnchorPoses, Anchors, AnchorUncertainty, Gaussians
@@ -24,11 +23,7 @@ def rebound(
     Returns:
         The frames, poses and uncertainty of the anchors `after`; what was at rest is exactly at rest.
     """
-    means = gaussians.means.detach().cpu().numpy()
-    nearest = KDTree(means).query(after.positions.cpu().numpy())[1]
-    carriers = dataclasses.replace(
-        before, skin_ids=before.skin_ids[nearest], skin_weights=before.skin_weights[nearest]
-    )
+    carriers = before.carrying(nearest_gaussians(gaussians, after))
     rest = AnchorPoses.identity(after)
     skinner = Skinner(carriers, after.positions, rest.quats_wxyz)
     places_at_rest, _ = skinner(AnchorPoses.identity(before))
