@@ -10,6 +10,8 @@ import dataclasses
 import logging
 from collections.abc import Sequence
 
+import numpy as np
+
 from animator.deform.image_solver import ImageSolverConfig
 from animator.deform.smooth_field import SmoothField, SmoothFieldConfig
 from animator.sequence.driver import Driver
@@ -30,7 +32,7 @@ class SmoothMotionConfig:
     """Distance of the anchors from the nearest smooth pose, as a share of the motion, both RMS, above which
     a motion is not smooth; 0 switches it off."""
     worse: float = 1.09
-    """Times the loss in a frame's hidden cells with free joints, above which it is not smooth either."""
+    """Times the loss in hidden cells with free joints, above which it is not smooth either."""
     cells: float = 8.0
     """Cells along the object's size."""
     looks: tuple[float, ...] = (0.25, 0.5, 1.0)
@@ -80,7 +82,9 @@ def moves_smoothly(
     if any(trial.residual(index) > config.residual for index in deciding):
         return False
     driver.light_stage.learn_afresh(solved)
-    is_smooth = all(trial.tells_hidden_cells(index) for index in deciding)
+    smoothly, freely = np.sum([trial.hidden_losses(index) for index in deciding], axis=0)
+    logger.debug("loss in hidden cells: %.4f smoothly, %.4f with free joints", smoothly, freely)
+    is_smooth = bool(smoothly <= config.worse * freely)
     if is_smooth:
         logger.info("The object moves smoothly, without joints.")
     return is_smooth
@@ -150,13 +154,8 @@ class _Trial:
         near = self._field.near(frame.poses, frame.camera).translations
         return float((near - shifts).norm() / shifts.norm().clamp_min(1e-12))
 
-    def tells_hidden_cells(self, index: int) -> bool:
-        """Tell whether a smooth motion explains hidden cells of a frame as well as free joints do."""
-        smoothly, freely = self._hidden_losses(index)
-        logger.debug("loss in hidden cells: %.4f smoothly, %.4f with free joints", smoothly, freely)
-        return smoothly <= self._config.worse * freely
-
-    def _hidden_losses(self, index: int) -> tuple[float, float]:
+    def hidden_losses(self, index: int) -> tuple[float, float]:
+        """Tell how badly cells of a frame that were hidden are explained, smoothly and with free joints."""
         start = self._solved[index].poses
         smoothly = freely = 0.0
         target = self._driver.matched_target_of(index, self._solved[index])

@@ -205,14 +205,3 @@ def test_nothing_that_moves_and_switched_off(box):
     assert not Lab(box, bend, ("rest", "rest")).is_smooth()
     off = dataclasses.replace(CONFIG, residual=0.0)
     assert not Lab(box, bend, ("rest", "previous")).is_smooth(off)
-
-
-@pytest.mark.parametrize(("last_loss", "is_smooth"), [(1.5, True), (2.0, False)])
-def test_one_frame_that_speaks_against_it_is_enough(box, monkeypatch, last_loss, is_smooth):
-    # Smooth motion and free joints in turn, for both halves of a frame; in the first frame smooth motion is far better.
-    losses = iter([0.1, 1.0, 0.1, 1.0, last_loss, 1.0, last_loss, 1.0])
-    monkeypatch.setattr(BareSolver, "image_loss", lambda self, target, poses: next(losses))
-    monkeypatch.setattr(BareSolver, "solve", lambda self, target, start: start)
-    monkeypatch.setattr(BareSolver, "solve_smoothly", lambda self, field, target, start: start)
-    lab = Lab(box, bend, ("rest", "previous", "previous"))
-    assert lab.is_smooth() == is_smooth
