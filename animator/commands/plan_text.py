@@ -18,7 +18,8 @@ def describe_plan(scene: Scene, options: AnimateOptions, plan: OutputPlan) -> st
     counts = clip_counts(scene, options)
     seconds = counts.keys / scene.frames.fps
     steps = [
-        f"solve {len(scene.frames)} frames with {options.anchors} anchors, twice as many if motion is smooth, "
+        f"solve {len(scene.frames)} frames with {options.anchors} anchors, "
+        "twice as many if motion is smooth, "
         f"matcher {options.matcher}, device {options.device}, seed {options.seed}",
         f"write {counts.keys} frames, {seconds:.2f} s at {scene.frames.fps:g} frames per second",
     ]
